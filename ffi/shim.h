@@ -35,7 +35,7 @@ typedef struct lo_error {
 } lo_error;
 
 /* Embree's coordinates are limited to this magnitude; it silently drops triangles beyond. */
-#define LO_MAX_COORDINATE 1.844e18f
+static const float LO_MAX_COORDINATE = 1.844e18f;
 
 /* The device configuration in use, e.g. "threads=1,...,isa=avx2". */
 const char *lo_default_config(void);
