@@ -1,1 +1,15 @@
-//! math
+//! The ground floor: colour, frames, densities, warps and statistics.
+
+pub mod frame;
+pub mod hash;
+pub mod pdf;
+pub mod rgb;
+pub mod stats;
+pub mod warp;
+
+pub use frame::Frame;
+pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};
+pub use rgb::{Rgb, luminance};
+
+/// The largest `f32` below one: uniform variates lie in `[0, ONE_MINUS_EPSILON]`.
+pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;

@@ -1,0 +1,60 @@
+//! Fresnel reflectance.
+
+use crate::math::Rgb;
+
+/// Unpolarised reflectance of a smooth dielectric interface and the signed
+/// cosine of the refracted direction.
+///
+/// * `cos_i`: cosine on the incident side; negative means from inside
+/// * `eta`: IOR inside over IOR outside
+///
+/// Returns `(1, 0)` at total internal reflection. [Walter07] eq. 22.
+#[must_use]
+pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
+    let cos_i = cos_i.clamp(-1.0, 1.0);
+    let eta_it = if cos_i < 0.0 { 1.0 / eta } else { eta };
+    let c = cos_i.abs();
+    let sin2_t = (1.0 - c * c) / (eta_it * eta_it);
+    if sin2_t >= 1.0 {
+        return (1.0, 0.0);
+    }
+    let cos_t = (1.0 - sin2_t).sqrt();
+    let r_s = (c - eta_it * cos_t) / (c + eta_it * cos_t);
+    let r_p = (eta_it * c - cos_t) / (eta_it * c + cos_t);
+    (0.5 * (r_s * r_s + r_p * r_p), -cos_t.copysign(cos_i))
+}
+
+/// Schlick's approximation, affine in `f0`. [Schlick94] eq. 15.
+#[must_use]
+pub fn schlick(f0: Rgb, cos_theta: f32) -> Rgb {
+    let m = (1.0 - cos_theta).clamp(0.0, 1.0);
+    let m2 = m * m;
+    f0 + (Rgb::ONE - f0) * (m2 * m2 * m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_values() {
+        assert!((dielectric(1.0, 1.5).0 - 0.04).abs() < 1e-6);
+        assert!((dielectric(-1.0, 1.5).0 - 0.04).abs() < 1e-6);
+        assert!((dielectric(1e-6, 1.5).0 - 1.0).abs() < 1e-4);
+        assert_eq!(dielectric(-0.5, 1.5), (1.0, 0.0));
+        // Brewster's angle: the p component vanishes.
+        let c = (1.0_f32 / (1.0 + 1.5 * 1.5)).sqrt();
+        let r_s = ((1.0 - 2.25_f32) / (1.0 + 2.25)).powi(2);
+        assert!((dielectric(c, 1.5).0 - 0.5 * r_s).abs() < 1e-6);
+    }
+
+    #[test]
+    fn reflectance_is_the_same_from_both_sides_of_a_refraction() {
+        for i in 1..20 {
+            let (r, cos_t) = dielectric(i as f32 / 20.0, 1.33);
+            let (back, cos_i) = dielectric(cos_t, 1.33);
+            assert!((r - back).abs() < 1e-5);
+            assert!((cos_i - i as f32 / 20.0).abs() < 1e-5);
+        }
+    }
+}

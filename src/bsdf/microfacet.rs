@@ -1,0 +1,104 @@
+//! Trowbridge-Reitz (GGX) microfacet distribution.
+//!
+//! Directions are in the local shading frame (+z = `ns`) and point away from
+//! the surface. `alpha` is the slope parameter, dimensionless, in (0, 1].
+//! Masking is separable, `G = G1(wo)·G1(wi)`.
+//!
+//! # References
+//! [Walter07] eq. 33 (`d`), eq. 34 (`g1`); [Dupuy23] listing 1 (`sample_wm`);
+//! [Heitz18] eq. 3 (`pdf_wm`).
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use crate::math::SolidAnglePdf;
+
+/// An isotropic GGX distribution.
+#[derive(Clone, Copy, Debug)]
+pub struct Ggx {
+    alpha: f32,
+}
+
+impl Ggx {
+    /// Below this slope the lobe is sharper than f32 can evaluate: materials
+    /// treat the surface as smooth.
+    pub const MIN_ALPHA: f32 = 1e-3;
+
+    /// A distribution with slope parameter `alpha` in (0, 1].
+    #[must_use]
+    pub fn new(alpha: f32) -> Self {
+        Self { alpha }
+    }
+
+    /// Density of facets with normal `wm`, per unit solid angle and projected area.
+    #[must_use]
+    pub fn d(&self, wm: Vec3) -> f32 {
+        if wm.z <= 0.0 {
+            return 0.0;
+        }
+        // [Walter07] eq. 33 as a polynomial in wm, stable at normal incidence.
+        let a2 = self.alpha * self.alpha;
+        let e = (wm.x * wm.x + wm.y * wm.y) / a2 + wm.z * wm.z;
+        1.0 / (PI * a2 * e * e)
+    }
+
+    /// Masking of facets `wm` seen from `w`.
+    #[must_use]
+    pub fn g1(&self, w: Vec3, wm: Vec3) -> f32 {
+        // A facet seen from the wrong side is masked entirely.
+        if w.dot(wm) * w.z <= 0.0 {
+            return 0.0;
+        }
+        let z2 = w.z * w.z;
+        let tan2 = (w.x * w.x + w.y * w.y) / z2;
+        // [Walter07] eq. 34
+        2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
+    }
+
+    /// Density of the facets visible from `w`, per unit solid angle of `wm`.
+    #[must_use]
+    pub fn pdf_wm(&self, w: Vec3, wm: Vec3) -> SolidAnglePdf {
+        // [Heitz18] eq. 3
+        SolidAnglePdf(self.g1(w, wm) * self.d(wm) * w.dot(wm).abs() / w.z.abs())
+    }
+
+    /// Samples a facet normal visible from `w` (`w.z` of either sign).
+    #[must_use]
+    pub fn sample_wm(&self, w: Vec3, u: Vec2) -> Vec3 {
+        let w = if w.z < 0.0 { -w } else { w };
+        // [Dupuy23] listing 1: uniform on the spherical cap of the hemisphere configuration.
+        let wh = Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize();
+        let phi = 2.0 * PI * u.x;
+        let z = (1.0 - u.y) * (1.0 + wh.z) - wh.z;
+        let sin_theta = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
+        let c = Vec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), z);
+        let h = c + wh;
+        Vec3::new(self.alpha * h.x, self.alpha * h.y, h.z.max(1e-7)).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn projected_area_of_all_facets_is_one() {
+        for alpha in [0.05, 0.3, 1.0] {
+            let g = Ggx::new(alpha);
+            let n = 20_000;
+            // ∫ D cos dω by the midpoint rule in tan θ.
+            let sum: f64 = (0..n)
+                .map(|i| {
+                    let x = (i as f64 + 0.5) / n as f64;
+                    let t = x / (1.0 - x) * f64::from(alpha);
+                    let dt = f64::from(alpha) / (1.0 - x).powi(2) / n as f64;
+                    let cos = 1.0 / (1.0 + t * t).sqrt();
+                    let wm = Vec3::new((t * cos) as f32, 0.0, cos as f32);
+                    f64::from(g.d(wm)) * cos * 2.0 * std::f64::consts::PI * t * cos.powi(3) * dt
+                })
+                .sum();
+            assert!((sum - 1.0).abs() < 1e-4, "{alpha}: {sum}");
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Bidirectional scattering distribution functions.
+//!
+//! Directions are in the local shading frame (+z = `ns`) and point away from
+//! the surface: `wo` toward the previous vertex, `wi` onward. `f` is without
+//! cosine, sr⁻¹. Opaque models scatter on both sides alike (the frame is
+//! turned over for `wo.z < 0`); a dielectric knows its inside (local −z).
+//!
+//! # References
+//! [Walter07] (microfacets), [Veach97] 5.2 and 5.3 (adjoint BSDFs, shading normals).
+
+pub mod conductor;
+pub mod dielectric;
+pub mod diffuse;
+pub mod fresnel;
+pub mod microfacet;
+pub mod plastic;
+
+use glam::{Vec2, Vec3};
+
+use crate::math::{Rgb, SolidAnglePdf};
+
+pub use conductor::Conductor;
+pub use dielectric::Dielectric;
+pub use diffuse::Diffuse;
+pub use plastic::{Coat, Plastic};
+
+/// What is transported along the subpath that is being extended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TransportMode {
+    /// A camera subpath: `wi` points toward the light.
+    Radiance,
+    /// A light subpath: `wi` points toward the camera.
+    Importance,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// BSDF value without cosine, sr⁻¹; for a delta lobe, its weight over |cos θ_i|.
+    pub f: Rgb,
+    /// The sampled direction.
+    pub wi: Vec3,
+    /// Density of `wi`; for a delta lobe the probability of choosing it.
+    pub pdf: SolidAnglePdf,
+    /// Whether the direction came from a delta lobe.
+    pub delta: bool,
+}
+
+/// The closed set of scattering models.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf<'a> {
+    /// Lambertian.
+    Diffuse(Diffuse),
+    /// Metal.
+    Conductor(Conductor),
+    /// Glass.
+    Dielectric(Dielectric),
+    /// Coated diffuse.
+    Plastic(Plastic<'a>),
+}
+
+impl Bsdf<'_> {
+    /// Value for a pair of directions, sr⁻¹; delta lobes are zero.
+    #[must_use]
+    pub fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+        let (up_o, up_i, _) = face_up(wo, wi);
+        match self {
+            Self::Diffuse(b) => b.f(up_o, up_i),
+            Self::Conductor(b) => b.f(up_o, up_i),
+            Self::Plastic(b) => b.f(up_o, up_i),
+            Self::Dielectric(b) => b.f(wo, wi, mode),
+        }
+    }
+
+    /// Density with which [`Self::sample`] draws `wi` given `wo`, delta lobes excluded.
+    #[must_use]
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
+        let (up_o, up_i, _) = face_up(wo, wi);
+        match self {
+            Self::Diffuse(b) => b.pdf(up_o, up_i),
+            Self::Conductor(b) => b.pdf(up_o, up_i),
+            Self::Plastic(b) => b.pdf(up_o, up_i),
+            Self::Dielectric(b) => b.pdf(wo, wi),
+        }
+    }
+
+    /// Samples `wi` given `wo`; `uc` chooses the lobe, `u` the direction.
+    /// `None` when the sample is absorbed.
+    #[must_use]
+    pub fn sample(&self, wo: Vec3, uc: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        let (up, _, flipped) = face_up(wo, wo);
+        let sample = match self {
+            Self::Dielectric(b) => return b.sample(wo, uc, u, mode),
+            Self::Diffuse(b) => b.sample(up, u),
+            Self::Conductor(b) => b.sample(up, u),
+            Self::Plastic(b) => b.sample(up, uc, u),
+        };
+        sample.map(|s| if flipped { BsdfSample { wi: turn_over(s.wi), ..s } } else { s })
+    }
+
+    /// Whether [`Self::f`] can be non-zero: only then is a connection worth a ray.
+    #[must_use]
+    pub fn has_non_delta(&self) -> bool {
+        match self {
+            Self::Diffuse(_) | Self::Plastic(_) => true,
+            Self::Conductor(b) => b.ggx.is_some(),
+            Self::Dielectric(b) => b.ggx.is_some(),
+        }
+    }
+}
+
+/// `f·cos` in world space with both corrections of non-symmetric scattering:
+/// the throughput of a vertex, to be divided by the density of `wi`.
+///
+/// With w_l toward the light and w_c toward the camera the path integral holds
+/// `f(w_l, w_c)·|w_l·ns|/|w_l·ng|` at each vertex; in solid angle about `wi`
+/// that is `f·|wi·ns|` for radiance, and for importance [Veach97] eq. 5.19.
+#[must_use]
+pub fn adjoint_cosine(wo: Vec3, wi: Vec3, ns: Vec3, ng: Vec3, mode: TransportMode) -> f32 {
+    match mode {
+        TransportMode::Radiance => wi.dot(ns).abs(),
+        TransportMode::Importance => {
+            let denom = wo.dot(ng).abs();
+            if denom == 0.0 { 0.0 } else { wo.dot(ns).abs() * wi.dot(ng).abs() / denom }
+        }
+    }
+}
+
+/// Mirror direction about +z.
+fn reflect(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, -w.y, w.z)
+}
+
+/// Mirror direction about a unit `m`.
+fn reflect_about(w: Vec3, m: Vec3) -> Vec3 {
+    2.0 * w.dot(m) * m - w
+}
+
+fn turn_over(w: Vec3) -> Vec3 {
+    Vec3::new(w.x, w.y, -w.z)
+}
+
+/// Turns both directions over when `wo` is below the surface.
+fn face_up(wo: Vec3, wi: Vec3) -> (Vec3, Vec3, bool) {
+    if wo.z < 0.0 { (turn_over(wo), turn_over(wi), true) } else { (wo, wi, false) }
+}

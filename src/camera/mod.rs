@@ -1,0 +1,152 @@
+//! Pinhole camera.
+//!
+//! Raster space: pixels, x to the right, y down, the film is
+//! `[0, width] × [0, height]`. A pixel's value is the mean radiance over its
+//! area on the film (box filter).
+//!
+//! # References
+//! [PBRT3] 16.1.1 (importance of a perspective camera).
+
+use glam::{UVec2, Vec2, Vec3};
+
+use crate::math::SolidAnglePdf;
+
+/// A perspective camera.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Position, metres.
+    pub position: Vec3,
+    right: Vec3,
+    up: Vec3,
+    forward: Vec3,
+    /// Half-width and half-height of the film plane at distance 1.
+    half: Vec2,
+    size: UVec2,
+}
+
+/// The camera as seen from a point of the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraWiSample {
+    /// Where the point falls on the film.
+    pub raster: Vec2,
+    /// Unit direction from the point to the camera.
+    pub wi: Vec3,
+    /// Squared distance, m².
+    pub dist2: f32,
+    /// Importance per unit solid angle at the camera, for the whole film's
+    /// pixel mean, sr⁻¹. For a pinhole it equals the density of the direction.
+    pub we: SolidAnglePdf,
+}
+
+impl Camera {
+    /// A camera at `position` looking at `look_at`; `vfov` in degrees, in
+    /// (0, 180); `size` in pixels. `None` when the view direction is zero or
+    /// parallel to `up`.
+    #[must_use]
+    pub fn new(position: Vec3, look_at: Vec3, up: Vec3, vfov: f32, size: UVec2) -> Option<Self> {
+        let forward = (look_at - position).try_normalize()?;
+        let right = forward.cross(up).try_normalize()?;
+        let tan = (vfov.to_radians() * 0.5).tan();
+        let mut camera =
+            Self { position, right, up: right.cross(forward), forward, half: Vec2::splat(tan), size };
+        camera.resize(size);
+        Some(camera)
+    }
+
+    /// Changes the film size; the vertical field of view stays.
+    pub fn resize(&mut self, size: UVec2) {
+        self.size = size;
+        self.half.x = self.half.y * size.x as f32 / size.y as f32;
+    }
+
+    /// Film size in pixels.
+    #[must_use]
+    pub fn size(&self) -> UVec2 {
+        self.size
+    }
+
+    /// Unit viewing direction.
+    #[must_use]
+    pub fn forward(&self) -> Vec3 {
+        self.forward
+    }
+
+    /// Unit direction of the ray through a raster position.
+    #[must_use]
+    pub fn direction(&self, raster: Vec2) -> Vec3 {
+        let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
+        (self.forward + self.right * (ndc.x * self.half.x) - self.up * (ndc.y * self.half.y)).normalize()
+    }
+
+    /// Density of a direction when the film is sampled uniformly.
+    #[must_use]
+    pub fn pdf_we(&self, dir: Vec3) -> SolidAnglePdf {
+        let cos = dir.dot(self.forward);
+        if cos <= 0.0 {
+            return SolidAnglePdf(0.0);
+        }
+        // [PBRT3] eq. 16.2: 1 / (A cos³ θ) with the film at distance 1.
+        SolidAnglePdf(1.0 / (4.0 * self.half.x * self.half.y * cos * cos * cos))
+    }
+
+    /// Connects a point of the scene to the camera; `None` outside the film.
+    #[must_use]
+    pub fn sample_wi(&self, p: Vec3) -> Option<CameraWiSample> {
+        let d = p - self.position;
+        let z = d.dot(self.forward);
+        if z <= 0.0 {
+            return None;
+        }
+        let ndc = Vec2::new(d.dot(self.right), -d.dot(self.up)) / (z * self.half);
+        let raster = (ndc + Vec2::ONE) * 0.5 * self.size.as_vec2();
+        let size = self.size.as_vec2();
+        if !(raster.x >= 0.0 && raster.y >= 0.0 && raster.x < size.x && raster.y < size.y) {
+            return None;
+        }
+        let dist2 = d.length_squared();
+        let dir = d / dist2.sqrt();
+        Some(CameraWiSample { raster, wi: -dir, dist2, we: self.pdf_we(dir) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera::new(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, Vec3::Y, 40.0, UVec2::new(40, 30)).unwrap()
+    }
+
+    #[test]
+    fn projection_inverts_ray_generation() {
+        let c = camera();
+        for raster in [Vec2::new(0.5, 0.5), Vec2::new(20.0, 15.0), Vec2::new(39.7, 3.2)] {
+            let s = c.sample_wi(c.position + c.direction(raster) * 2.5).unwrap();
+            assert!((s.raster - raster).length() < 1e-4);
+            assert!((s.wi + c.direction(raster)).length() < 1e-6);
+        }
+        assert!(c.sample_wi(c.position + Vec3::new(1.0, 2.0, 3.0)).is_none());
+    }
+
+    #[test]
+    fn directions_have_the_stated_density() {
+        // ∫ pdf dω over the film = 1: dω = cos³ θ dA for a film at distance 1.
+        let c = camera();
+        let (n, mut sum) = (64, 0.0_f64);
+        for i in 0..n * n {
+            let raster = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32 * c.size().as_vec2();
+            let dir = c.direction(raster);
+            let cos = dir.dot(c.forward());
+            let cell = 4.0 * c.half.x * c.half.y / (n * n) as f32;
+            sum += f64::from(c.pdf_we(dir).0 * cos.powi(3) * cell);
+        }
+        assert!((sum - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn impossible_views_are_refused() {
+        let size = UVec2::new(4, 4);
+        assert!(Camera::new(Vec3::ZERO, Vec3::ZERO, Vec3::Y, 40.0, size).is_none());
+        assert!(Camera::new(Vec3::ZERO, Vec3::Y, Vec3::Y, 40.0, size).is_none());
+    }
+}

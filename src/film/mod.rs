@@ -1,0 +1,108 @@
+//! Films: what becomes of the light-carrying contributions of an integrator.
+//!
+//! An integrator hands every contribution, for unit radiance and with its
+//! light and size coordinate, to a [`Recorder`]. The [`RgbFilm`] sums them
+//! into a picture per light; other films may keep them apart.
+//!
+//! Sums are independent of the number of threads: a pixel's own contributions
+//! are added in sample order (f64), splats in fixed point (u64), whose sum
+//! does not depend on the order.
+
+// pub mod exr;
+// pub mod image_file;
+mod rgb;
+mod splat;
+
+use glam::{UVec2, Vec2};
+
+use crate::{integrator::Strategy, light::LightId, math::Rgb};
+
+pub use rgb::{LightState, Picture, RgbFilm, RgbRow};
+pub use splat::SplatBuffer;
+
+/// Light carried along one sampled path.
+#[derive(Clone, Copy, Debug)]
+pub struct Contribution {
+    /// The light the path ends on.
+    pub light: LightId,
+    /// Size coordinate of the path's ray at the light.
+    pub rho: f32,
+    /// The path's point on the light, metres.
+    pub light_point: glam::Vec3,
+    /// Pixel radiance for unit radiance of the light, already weighted.
+    pub value: Rgb,
+    /// The strategy that sampled the path.
+    pub strategy: Strategy,
+    /// The weight of that strategy, within [0, 1].
+    pub mis_weight: f32,
+}
+
+/// Receives the contributions of the samples of one pixel.
+pub trait Recorder {
+    /// A contribution to the pixel being sampled (t ≥ 2).
+    fn add(&mut self, c: &Contribution);
+    /// A contribution to wherever the path meets the film (t = 1).
+    fn splat(&mut self, raster: Vec2, c: &Contribution);
+}
+
+/// Part of the full film that is kept, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// First column and row.
+    pub min: UVec2,
+    /// One past the last column and row.
+    pub max: UVec2,
+}
+
+impl Region {
+    /// The whole film.
+    #[must_use]
+    pub fn full(size: UVec2) -> Self {
+        Self { min: UVec2::ZERO, max: size }
+    }
+
+    /// Extent in pixels.
+    #[must_use]
+    pub fn size(&self) -> UVec2 {
+        self.max - self.min
+    }
+
+    /// Index of a pixel of the full film within the region, row by row.
+    #[must_use]
+    pub fn index(&self, pixel: UVec2) -> Option<usize> {
+        let inside = pixel.cmpge(self.min).all() && pixel.cmplt(self.max).all();
+        inside.then(|| {
+            let p = pixel - self.min;
+            (p.y * self.size().x + p.x) as usize
+        })
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn n_pixels(&self) -> usize {
+        self.size().element_product() as usize
+    }
+}
+
+/// A film that can be filled row by row in parallel.
+pub trait Film: Send + Sync {
+    /// Recorder of one row.
+    type Row<'a>: RowRecorder + Send
+    where
+        Self: 'a;
+    /// The region kept.
+    fn region(&self) -> Region;
+    /// Recorders of the region's rows, first row first.
+    fn rows(&mut self) -> Vec<Self::Row<'_>>;
+    /// Contributions dropped because they were not finite, and splats that
+    /// would have overflowed, since the film was made.
+    fn defects(&self) -> (u64, u64);
+    /// A recorder for samples of pixels outside the region: only their splats count.
+    fn outside(&self) -> Self::Row<'_>;
+}
+
+/// A [`Recorder`] that moves from pixel to pixel of its row.
+pub trait RowRecorder: Recorder {
+    /// Makes the `i`-th pixel of the row current.
+    fn set_pixel(&mut self, i: usize);
+}

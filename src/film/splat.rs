@@ -1,0 +1,84 @@
+//! Order-independent accumulation of t = 1 contributions.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::math::Rgb;
+
+/// 32 fractional bits.
+const ONE: f64 = 4_294_967_296.0;
+
+/// Fixed-point sums (u64, 32.32 bits) of RGB values, shared by all threads.
+///
+/// Values are stored in units chosen by the caller, so that 1 is about display
+/// white. A value that does not fit is counted and fails the render; it is
+/// never clamped silently.
+#[derive(Debug)]
+pub struct SplatBuffer {
+    cells: Vec<AtomicU64>,
+    overflows: AtomicU64,
+}
+
+impl SplatBuffer {
+    /// A zeroed buffer of `n` RGB cells.
+    #[must_use]
+    pub fn new(n: usize) -> Self {
+        Self { cells: (0..3 * n).map(|_| AtomicU64::new(0)).collect(), overflows: AtomicU64::new(0) }
+    }
+
+    /// Adds a non-negative, finite value times `scale` to cell `i`.
+    pub fn add(&self, i: usize, value: Rgb, scale: f64) {
+        for (cell, v) in self.cells[3 * i..3 * i + 3].iter().zip(value.to_array()) {
+            if v == 0.0 {
+                continue;
+            }
+            let fixed = (f64::from(v) * scale * ONE).round();
+            // 2^63 leaves room to detect the overflow of the sum.
+            if fixed >= 9.2e18 || cell.fetch_add(fixed as u64, Ordering::Relaxed) > u64::MAX - fixed as u64 {
+                self.overflows.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// The sum in cell `i`, in the units it was added in.
+    #[must_use]
+    pub fn get(&self, i: usize, scale: f64) -> [f64; 3] {
+        std::array::from_fn(|c| self.cells[3 * i + c].load(Ordering::Relaxed) as f64 / (ONE * scale))
+    }
+
+    /// How many values did not fit.
+    #[must_use]
+    pub fn overflows(&self) -> u64 {
+        self.overflows.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_do_not_depend_on_the_order() {
+        let values: Vec<f32> = (1..200).map(|i| 1.0e-3 * (i * i % 97) as f32).collect();
+        let (a, b) = (SplatBuffer::new(1), SplatBuffer::new(1));
+        for v in &values {
+            a.add(0, Rgb::splat(*v), 0.25);
+        }
+        for v in values.iter().rev() {
+            b.add(0, Rgb::splat(*v), 0.25);
+        }
+        assert_eq!(a.get(0, 0.25), b.get(0, 0.25));
+        let exact: f64 = values.iter().map(|&v| f64::from(v)).sum();
+        assert!((a.get(0, 0.25)[0] - exact).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_counted() {
+        let b = SplatBuffer::new(1);
+        b.add(0, Rgb::splat(1.0e30), 1.0);
+        assert_eq!(b.overflows(), 3);
+        for _ in 0..5 {
+            b.add(0, Rgb::new(1.0e9, 0.0, 0.0), 1.0);
+        }
+        assert!(b.overflows() > 3);
+    }
+}

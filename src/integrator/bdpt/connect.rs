@@ -1,0 +1,187 @@
+//! Joining subpaths: s = 1, t = 1 and the connections between.
+
+use super::{
+    super::{Integrator, Strategy},
+    vertex::Vertex,
+};
+use crate::{
+    bsdf::TransportMode,
+    film::{Contribution, Recorder},
+    math::Rgb,
+    sampler::Sampler,
+    scene::Scene,
+};
+
+/// s = 1: samples a light point as seen from `z_{t-1}`, t ≥ 2.
+pub fn next_event(
+    integrator: &Integrator,
+    scene: &Scene,
+    connection: &mut Sampler,
+    camera: &[Vertex],
+    t: usize,
+    recorder: &mut impl Recorder,
+) {
+    let u_light = connection.next_1d();
+    let u = connection.next_2d();
+    let _spare = connection.next_1d();
+    let z = &camera[t - 1];
+    let Some(si) = z.surface() else { return };
+    if !z.connectible() {
+        return;
+    }
+    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+    let light = &scene.lights[id as usize];
+    let Some(l) = light.sample_li(z.p, u) else { return };
+    let value = z.beta * z.scatter(l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
+    if value == Rgb::ZERO || !scene.unoccluded(si.spawn_origin(l.wi), l.p) {
+        return;
+    }
+    let h = integrator.heuristic;
+    let dist2 = l.p.distance_squared(z.p);
+    // Densities of the light point, m⁻²: as sampled here, and as an origin. Those of
+    // a point light are both its selection probability.
+    let (p_nee, p_origin, pdf_dir) = {
+        let (origin, dir) = light.pdf_le(l.n, -l.wi, l.rho);
+        let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.n.dot(l.wi)).0 };
+        (f64::from(nee), f64::from(origin.0), dir)
+    };
+    let s0 = if light.is_delta() {
+        0.0
+    } else {
+        h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
+    };
+    let r = p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
+    let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
+    let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
+    recorder.add(&Contribution {
+        light: id,
+        rho: l.rho,
+        light_point: l.p,
+        value: value * mis_weight,
+        strategy: Strategy::new(1, t),
+        mis_weight,
+    });
+}
+
+/// s ≥ 2, t ≥ 2: connects `y_{s-1}` with `z_{t-1}`.
+pub fn vertices(
+    integrator: &Integrator,
+    scene: &Scene,
+    light: &[Vertex],
+    s: usize,
+    camera: &[Vertex],
+    t: usize,
+    recorder: &mut impl Recorder,
+) {
+    let (y, z) = (&light[s - 1], &camera[t - 1]);
+    let (Some(y_si), Some(z_si)) = (y.surface(), z.surface()) else { return };
+    if !(y.connectible() && z.connectible()) {
+        return;
+    }
+    let d = y.p - z.p;
+    let dist2 = d.length_squared();
+    if dist2 == 0.0 {
+        return;
+    }
+    let w = d / dist2.sqrt();
+    let scatter = z.scatter(w, TransportMode::Radiance);
+    if scatter == Rgb::ZERO {
+        return;
+    }
+    // Each side's throughput holds its own cosine about the edge.
+    let value = z.beta * scatter * y.beta * y.scatter(-w, TransportMode::Importance) / dist2;
+    if value == Rgb::ZERO || !scene.unoccluded(z_si.spawn_origin(w), y_si.spawn_origin(-w)) {
+        return;
+    }
+    let h = integrator.heuristic;
+    let r_z = f64::from(y.pdf(-w).to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
+    let r_y = f64::from(z.pdf(w).to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
+    let s_c = h.apply(r_z) * z.mis.close(h, z.pdf_rev(w));
+    let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(-w));
+    let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
+    recorder.add(&Contribution {
+        light: y.light,
+        rho: y.rho,
+        light_point: light[0].p,
+        value: value * mis_weight,
+        strategy: Strategy::new(s, t),
+        mis_weight,
+    });
+}
+
+/// t = 1: connects a light point and every vertex of the light subpath to the
+/// pinhole.
+pub fn to_camera(
+    integrator: &Integrator,
+    scene: &Scene,
+    connection: &mut Sampler,
+    camera: &[Vertex],
+    light: &[Vertex],
+    recorder: &mut impl Recorder,
+) {
+    light_to_camera(integrator, scene, connection, camera, recorder);
+    let h = integrator.heuristic;
+    for (s, y) in light.iter().enumerate().skip(1).map(|(i, y)| (i + 1, y)) {
+        let Some(si) = y.surface() else { continue };
+        if s > integrator.max_depth || !y.connectible() {
+            continue;
+        }
+        let Some(c) = scene.camera.sample_wi(y.p) else { continue };
+        let value = y.beta * y.scatter(c.wi, TransportMode::Importance) * (c.we.0 / c.dist2);
+        if value == Rgb::ZERO || !scene.unoccluded(scene.camera.position, si.spawn_origin(c.wi)) {
+            continue;
+        }
+        let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
+        let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(c.wi));
+        let mis_weight = (1.0 / (1.0 + s_l)) as f32;
+        recorder.splat(
+            c.raster,
+            &Contribution {
+                light: y.light,
+                rho: y.rho,
+        light_point: light[0].p,
+                value: value * mis_weight,
+                strategy: Strategy::new(s, 1),
+                mis_weight,
+            },
+        );
+    }
+}
+
+/// s = 1, t = 1: a light point sampled as seen from the pinhole.
+fn light_to_camera(
+    integrator: &Integrator,
+    scene: &Scene,
+    connection: &mut Sampler,
+    camera: &[Vertex],
+    recorder: &mut impl Recorder,
+) {
+    let u_light = connection.next_1d();
+    let u = connection.next_2d();
+    let _spare = connection.next_1d();
+    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+    let light = &scene.lights[id as usize];
+    if light.is_delta() || !light.camera_visible {
+        return;
+    }
+    let Some(l) = light.sample_li(camera[0].p, u) else { return };
+    let Some(c) = scene.camera.sample_wi(l.p) else { return };
+    if !scene.unoccluded(camera[0].p, l.p) {
+        return;
+    }
+    let p_nee = l.pdf.0 * pmf.0;
+    let value = l.radiance * (c.we.0 / p_nee);
+    let s0 = integrator.heuristic.apply(f64::from(c.we.0) / f64::from(p_nee));
+    let mis_weight = (1.0 / (1.0 + s0)) as f32;
+    recorder.splat(
+        c.raster,
+        &Contribution {
+            light: id,
+            rho: l.rho,
+        light_point: l.p,
+            value: value * mis_weight,
+            strategy: Strategy::new(1, 1),
+            mis_weight,
+        },
+    );
+}

@@ -1,0 +1,72 @@
+//! Bidirectional path tracing with pass-through lights.
+//!
+//! Each sample traces a camera and a light subpath and connects every pair of
+//! their vertices. Strategies (s, t):
+//!
+//! * s = 0: the camera subpath crosses a light; the crossing is a vertex of
+//!   its own path only, and the ray goes on;
+//! * s = 1: a light point sampled as seen from the camera vertex (its density
+//!   is not that of the light subpaths' origins);
+//! * s ≥ 2, t ≥ 2: connections;
+//! * t = 1: light vertices connected to the pinhole, splatted.
+//!
+//! # References
+//! [Veach97] chapter 10; [Georgiev12] and [vanAntwerpen11] (weights in
+//! constant time by recurrence, see [`weight`]).
+
+pub mod connect;
+pub mod subpath;
+pub mod verify;
+pub mod vertex;
+pub mod weight;
+
+use glam::UVec2;
+
+use super::Integrator;
+use crate::{
+    film::Recorder,
+    sampler::{Sampler, Stream},
+    scene::Scene,
+};
+pub use vertex::Vertex;
+
+/// Memory of a thread, reused from sample to sample.
+#[derive(Debug, Default)]
+pub struct Workspace<'a> {
+    /// Camera subpath, `z_0` first.
+    pub camera: Vec<Vertex<'a>>,
+    /// Light subpath, `y_0` first.
+    pub light: Vec<Vertex<'a>>,
+}
+
+/// Traces both subpaths of a sample and records every connection. With
+/// `trace_camera` off only the light subpath's splats are made.
+pub fn sample<'a>(
+    integrator: &Integrator,
+    scene: &'a Scene,
+    sampler: &mut Sampler,
+    pixel: UVec2,
+    trace_camera: bool,
+    workspace: &mut Workspace<'a>,
+    recorder: &mut impl Recorder,
+) {
+    let Workspace { camera, light } = workspace;
+    let mut connection = sampler.clone();
+    connection.start_stream(Stream::Connection);
+    let mut light_sampler = sampler.clone();
+    light_sampler.start_stream(Stream::Light);
+
+    subpath::trace_camera(integrator, scene, sampler, pixel, camera, trace_camera, recorder);
+    subpath::trace_light(integrator, scene, &mut light_sampler, light);
+    connect::to_camera(integrator, scene, &mut connection, camera, light, recorder);
+    if !trace_camera {
+        return;
+    }
+    for t in 2..=camera.len() {
+        connect::next_event(integrator, scene, &mut connection, camera, t, recorder);
+        let s_max = light.len().min(integrator.max_depth + 1 - t);
+        for s in 2..=s_max {
+            connect::vertices(integrator, scene, light, s, camera, t, recorder);
+        }
+    }
+}

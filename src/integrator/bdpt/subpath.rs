@@ -1,0 +1,230 @@
+//! Random walks from the camera and from the lights.
+
+use glam::{UVec2, Vec3};
+
+use super::{
+    super::{Heuristic, Integrator, Strategy, film_position, roulette},
+    vertex::{Vertex, VertexKind},
+    weight::Partial,
+};
+use crate::{
+    bsdf::TransportMode,
+    film::{Contribution, Recorder},
+    light::Crossing,
+    math::{Rgb, SolidAnglePdf},
+    sampler::Sampler,
+    scene::Scene,
+};
+
+/// Traces a camera subpath into `out` (`z_0` first) and records every light
+/// it crosses (s = 0). With `trace` off only `z_0` is made.
+pub fn trace_camera<'a>(
+    integrator: &Integrator,
+    scene: &'a Scene,
+    sampler: &mut Sampler,
+    pixel: UVec2,
+    out: &mut Vec<Vertex<'a>>,
+    trace: bool,
+    recorder: &mut impl Recorder,
+) {
+    let raster = film_position(pixel, sampler.next_2d());
+    let _lens = sampler.next_2d();
+    let dir = scene.camera.direction(raster);
+    out.clear();
+    out.push(Vertex {
+        kind: VertexKind::Camera,
+        p: scene.camera.position,
+        wo: Vec3::ZERO,
+        beta: Rgb::ONE,
+        light: 0,
+        rho: 0.0,
+        pdf_fwd: 1.0,
+        delta: false,
+        mis: Partial::default(),
+    });
+    if !trace {
+        return;
+    }
+    let walk = Walk {
+        org: scene.camera.position,
+        dir,
+        beta: Rgb::ONE,
+        pdf: scene.camera.pdf_we(dir),
+        // z_1 can be connected to the pinhole; t = 0 does not exist.
+        mis: Partial { previous: 1.0, geometry: 0.0, inner: 0.0 },
+        cos_over_pdf: 0.0,
+        mode: TransportMode::Radiance,
+    };
+    walk.run(integrator, scene, sampler, out, |walk, n_edges, from, t_max| {
+        cross_lights(integrator, scene, walk, n_edges, from, t_max, recorder);
+    });
+}
+
+/// Records the lights that an edge of a camera subpath crosses (s = 0).
+fn cross_lights(
+    integrator: &Integrator,
+    scene: &Scene,
+    walk: &Walk,
+    n_edges: usize,
+    from: &Vertex,
+    t_max: f32,
+    recorder: &mut impl Recorder,
+) {
+    let h = integrator.heuristic;
+    scene.for_each_crossing(walk.org, walk.dir, t_max, |id, light, c| {
+        if n_edges == 1 && !light.camera_visible {
+            return;
+        }
+        let pmf = f64::from(scene.light_sampler.pmf(id).0);
+        let dist2 = c.p.distance_squared(from.p);
+        let cos = c.n.dot(walk.dir);
+        let p_hit = f64::from(walk.pdf.to_area(dist2, cos).0);
+        let p_nee = pmf * f64::from(light.pdf_li(from.p, c).to_area(dist2, cos).0);
+        let (origin, emission) = light.pdf_le(c.n, -walk.dir, c.rho);
+        let partial = walk.partial(h, dist2);
+        // s = 1 has its own density of the light point, s >= 2 that of an origin.
+        let s1 = h.apply(p_nee / p_hit) * partial.previous;
+        let s2 = h.apply(pmf * f64::from(origin.0) / p_hit)
+            * (partial.close(h, emission.0) - partial.previous);
+        let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
+        recorder.add(&Contribution {
+            light: id,
+            rho: c.rho,
+            light_point: c.p,
+            value: walk.beta * c.radiance * mis_weight,
+            strategy: Strategy::new(0, n_edges + 1),
+            mis_weight,
+        });
+    });
+}
+
+/// Traces a light subpath into `out` (`y_0` first); empty without lights.
+pub fn trace_light<'a>(integrator: &Integrator, scene: &'a Scene, sampler: &mut Sampler, out: &mut Vec<Vertex<'a>>) {
+    out.clear();
+    let u_light = sampler.next_1d();
+    let _spare = sampler.next_1d();
+    let u_pos = sampler.next_2d();
+    let u_dir = sampler.next_2d();
+    let _spare = sampler.next_2d();
+    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+    let light = &scene.lights[id as usize];
+    let Some(e) = light.sample_le(u_pos, u_dir) else { return };
+    let origin = pmf.0 * e.pdf_pos.0;
+    let cos = if light.is_delta() { 1.0 } else { e.n.dot(e.dir).abs() };
+    out.push(Vertex {
+        kind: VertexKind::Light { id, n: e.n, radiance: e.radiance },
+        p: e.p,
+        wo: Vec3::ZERO,
+        beta: Rgb::ONE,
+        light: id,
+        rho: e.rho,
+        pdf_fwd: f64::from(origin),
+        delta: false,
+        mis: Partial::default(),
+    });
+    let walk = Walk {
+        org: e.p,
+        dir: e.dir,
+        beta: e.radiance * (cos / (origin * e.pdf_dir.0)),
+        pdf: e.pdf_dir,
+        // c_0: a light that can be crossed has s = 0.
+        mis: Partial { previous: 0.0, geometry: 0.0, inner: if light.is_delta() { 0.0 } else { 1.0 } },
+        cos_over_pdf: f64::from(cos) / f64::from(origin),
+        mode: TransportMode::Importance,
+    };
+    walk.run(integrator, scene, sampler, out, |_, _, _, _| {});
+}
+
+/// State of a random walk: the ray that leaves the last vertex.
+struct Walk {
+    org: Vec3,
+    dir: Vec3,
+    beta: Rgb,
+    /// Density of `dir`; a delta lobe's probability.
+    pdf: SolidAnglePdf,
+    /// Partial of the next vertex, but for `geometry`, which needs its distance.
+    mis: Partial,
+    /// |cos θ| over `pdf_fwd` at the last vertex.
+    cos_over_pdf: f64,
+    mode: TransportMode,
+}
+
+impl Walk {
+    /// The partial of a next vertex at squared distance `dist2`.
+    fn partial(&self, h: Heuristic, dist2: f32) -> Partial {
+        Partial { geometry: h.apply(self.cos_over_pdf / f64::from(dist2)), ..self.mis }
+    }
+
+    /// Walks until absorption, escape or the depth limit. `on_edge` sees each
+    /// edge with its number, its first vertex and its length.
+    fn run<'a>(
+        mut self,
+        integrator: &Integrator,
+        scene: &'a Scene,
+        sampler: &mut Sampler,
+        out: &mut Vec<Vertex<'a>>,
+        mut on_edge: impl FnMut(&Self, usize, &Vertex<'a>, f32),
+    ) {
+        let h = integrator.heuristic;
+        let is_camera = self.mode == TransportMode::Radiance;
+        loop {
+            let n_edges = out.len();
+            // The last edge of a path can only cross a light: light subpaths need not walk it.
+            if n_edges == integrator.max_depth && !is_camera {
+                return;
+            }
+            let hit = scene.intersect(self.org, self.dir);
+            let from = out[n_edges - 1];
+            on_edge(&self, n_edges, &from, hit.map_or(f32::INFINITY, |hit| hit.t));
+            let Some(hit) = hit else { return };
+            if n_edges == integrator.max_depth {
+                return;
+            }
+            let si = hit.si;
+            let wo = -self.dir;
+            let dist2 = si.p.distance_squared(from.p);
+            let mut mis = self.partial(h, dist2);
+            if let VertexKind::Light { id, n, radiance } = from.kind {
+                // c_1 on the light side: the density of y_0 as seen from y_1, over its own.
+                let light = &scene.lights[id as usize];
+                mis.previous = if light.is_delta() {
+                    1.0
+                } else {
+                    let seen = Crossing { t: 0.0, p: from.p, n, rho: from.rho, radiance };
+                    let nee = light.pdf_li(si.p, &seen).to_area(dist2, n.dot(wo));
+                    h.apply(f64::from(scene.light_sampler.pmf(id).0) * f64::from(nee.0) / from.pdf_fwd)
+                };
+            }
+            let mut vertex = Vertex {
+                kind: VertexKind::Surface(si),
+                p: si.p,
+                wo,
+                beta: self.beta,
+                light: from.light,
+                rho: from.rho,
+                pdf_fwd: f64::from(self.pdf.to_area(dist2, si.ng.dot(wo)).0),
+                delta: false,
+                mis,
+            };
+
+            let uc = sampler.next_1d();
+            let u = sampler.next_2d();
+            let u_roulette = sampler.next_1d();
+            let sample = si.sample(wo, uc, u, self.mode);
+            vertex.delta = sample.is_some_and(|s| s.delta);
+            out.push(vertex);
+            let Some(s) = sample else { return };
+            self.beta *= s.weight;
+            let Some(survivor) = roulette(n_edges, self.beta, u_roulette) else { return };
+            self.beta *= survivor;
+            if self.beta == Rgb::ZERO {
+                return;
+            }
+            self.mis = mis.extend(h, s.pdf_rev.0, s.delta);
+            self.cos_over_pdf = f64::from(si.ng.dot(s.wi).abs()) / vertex.pdf_fwd;
+            self.pdf = s.pdf;
+            self.org = si.spawn_origin(s.wi);
+            self.dir = s.wi;
+        }
+    }
+}

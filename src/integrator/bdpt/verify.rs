@@ -1,0 +1,166 @@
+//! The weights again, straight from their definition: for tests.
+//!
+//! [`reference_weight`] multiplies out the density of every strategy of a
+//! complete path, in O(n²); the renderer's recurrences must give the same.
+
+use glam::{UVec2, Vec3};
+
+use super::{Workspace, vertex::Vertex};
+use crate::{
+    film::{Contribution, Recorder},
+    integrator::Integrator,
+    light::{Crossing, LightId},
+    math::Rgb,
+    sampler::Sampler,
+    scene::{Scene, SurfaceInteraction},
+};
+
+/// A vertex of a complete path, light first.
+#[derive(Clone, Copy, Debug)]
+pub struct PathVertex<'a> {
+    /// Position, metres.
+    pub p: Vec3,
+    /// The surface; `None` on the light and at the pinhole.
+    pub si: Option<SurfaceInteraction<'a>>,
+    /// Whether light is scattered by a delta lobe here.
+    pub delta: bool,
+}
+
+/// The end of a path on a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightEnd {
+    /// Which light.
+    pub id: LightId,
+    /// Size coordinate.
+    pub rho: f32,
+}
+
+/// Weight of the strategy with `s` light vertices for the path `x` (light
+/// first, pinhole last). [Veach97] eq. 9.8 with densities by eq. 10.6.
+#[must_use]
+pub fn reference_weight(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[PathVertex], s: usize) -> f64 {
+    let densities = densities(scene, end, x);
+    let h = integrator.heuristic;
+    let total: f64 = densities.iter().map(|&p| h.apply(p)).sum();
+    h.apply(densities[s]) / total
+}
+
+/// Area-product densities of all strategies of a path, s = 0 first; zero
+/// where the strategy does not exist. Delta densities count as one.
+#[must_use]
+pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
+    let k = x.len() - 1;
+    let light = &scene.lights[end.id as usize];
+    let pmf = f64::from(scene.light_sampler.pmf(end.id).0);
+    let direction = |from: usize, to: usize| (x[to].p - x[from].p).normalize();
+    let first = direction(0, 1);
+    // The crossing holds the light's normal; looked up by hitting it again.
+    let seen = light.crossing(x[1].p, -first, f32::INFINITY).unwrap_or(Crossing {
+        t: 0.0,
+        p: x[0].p,
+        n: Vec3::ZERO,
+        rho: end.rho,
+        radiance: Rgb::ZERO,
+    });
+    let seen = Crossing { p: x[0].p, rho: end.rho, ..seen };
+    let cos = |i: usize, w: Vec3| match (&x[i].si, i) {
+        (Some(si), _) => si.ng.dot(w).abs(),
+        (None, 0) if light.is_delta() => 1.0,
+        (None, 0) => seen.n.dot(w).abs(),
+        (None, _) => 1.0,
+    };
+    let to_area = |from: usize, to: usize, pdf: f32| {
+        f64::from(pdf) * f64::from(cos(to, direction(from, to))) / f64::from(x[to].p.distance_squared(x[from].p))
+    };
+    let scattered = |previous: usize, at: usize, next: usize| match &x[at].si {
+        Some(_) if x[at].delta => 1.0,
+        Some(si) => si.pdf(direction(at, previous), direction(at, next)).0,
+        None => 0.0,
+    };
+    let (origin, emission) = light.pdf_le(seen.n, first, end.rho);
+    let from_light: Vec<f64> = (0..k)
+        .map(|i| match i {
+            0 => pmf * f64::from(origin.0),
+            1 => to_area(0, 1, emission.0),
+            _ => to_area(i - 1, i, scattered(i - 2, i - 1, i)),
+        })
+        .collect();
+    let from_camera: Vec<f64> = (0..k)
+        .map(|i| {
+            if i + 1 == k {
+                to_area(k, i, scene.camera.pdf_we(direction(k, i)).0)
+            } else {
+                to_area(i + 1, i, scattered(i + 2, i + 1, i))
+            }
+        })
+        .collect();
+    let next_event = pmf
+        * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &seen).0) };
+    (0..=k)
+        .map(|s| {
+            let exists = match s {
+                0 => !light.is_delta(),
+                _ => !x[s - 1].delta && !x[s].delta,
+            };
+            let light_side: f64 = match s {
+                0 => 1.0,
+                1 => next_event,
+                _ => from_light[..s].iter().product(),
+            };
+            let camera_side: f64 = from_camera[s..].iter().product();
+            if exists { light_side * camera_side } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Takes one bidirectional sample and returns, for each of its contributions,
+/// the weight it was given and the reference weight.
+pub fn compare_weights(
+    integrator: &Integrator,
+    scene: &Scene,
+    sampler: &mut Sampler,
+    pixel: UVec2,
+) -> Vec<(Contribution, f64)> {
+    let mut found: Vec<Contribution> = Vec::new();
+    let mut workspace = Workspace::default();
+    let mut recorder = |_raster: Option<glam::Vec2>, c: &Contribution| found.push(*c);
+    super::sample(integrator, scene, sampler, pixel, true, &mut workspace, as_recorder(&mut recorder));
+    found
+        .into_iter()
+        .map(|c| {
+            let (s, t) = (usize::from(c.strategy.s), usize::from(c.strategy.t));
+            let light_point = PathVertex { p: c.light_point, si: None, delta: false };
+            let mut x = Vec::new();
+            let camera_vertices = match s {
+                0 => {
+                    x.push(light_point);
+                    &workspace.camera[..t - 1]
+                }
+                1 => {
+                    x.push(light_point);
+                    &workspace.camera[..t]
+                }
+                _ => {
+                    x.push(light_point);
+                    x.extend((1..s).map(|i| inner(&workspace.light[i], i + 1 == s)));
+                    &workspace.camera[..t]
+                }
+            };
+            let last = camera_vertices.len() - 1;
+            x.extend(camera_vertices.iter().enumerate().rev().map(|(i, v)| inner(v, i == last && s > 0)));
+            let end = LightEnd { id: c.light, rho: c.rho };
+            let reference = reference_weight(integrator, scene, end, &x, s);
+            (c, reference)
+        })
+        .collect()
+}
+
+/// A subpath's vertex within a path; where a connection ends the lobe sampled
+/// onward does not matter.
+fn inner<'a>(v: &Vertex<'a>, is_end: bool) -> PathVertex<'a> {
+    PathVertex { p: v.p, si: v.surface().copied(), delta: v.delta && !is_end }
+}
+
+fn as_recorder<F: FnMut(Option<glam::Vec2>, &Contribution)>(f: &mut F) -> &mut impl Recorder {
+    f
+}

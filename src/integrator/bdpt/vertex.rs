@@ -1,0 +1,94 @@
+//! Vertices of subpaths.
+
+use glam::Vec3;
+
+use crate::{
+    bsdf::TransportMode,
+    light::LightId,
+    math::{Rgb, SolidAnglePdf},
+    scene::SurfaceInteraction,
+};
+
+/// What a vertex lies on.
+#[derive(Clone, Copy, Debug)]
+pub enum VertexKind<'a> {
+    /// The pinhole.
+    Camera,
+    /// The origin of a light subpath.
+    Light {
+        /// Which light.
+        id: LightId,
+        /// Unit normal; zero for a point light.
+        n: Vec3,
+        /// Emitted along the first edge for L = 1.
+        radiance: Rgb,
+    },
+    /// A surface.
+    Surface(SurfaceInteraction<'a>),
+}
+
+/// A vertex of a camera or light subpath.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex<'a> {
+    /// What it lies on.
+    pub kind: VertexKind<'a>,
+    /// Position, metres.
+    pub p: Vec3,
+    /// Unit direction toward the previous vertex of the subpath.
+    pub wo: Vec3,
+    /// Throughput from the subpath's start up to this vertex, its own
+    /// scattering not included.
+    pub beta: Rgb,
+    /// Light of a light subpath.
+    pub light: LightId,
+    /// Size coordinate of a light subpath.
+    pub rho: f32,
+    /// Density with which the subpath's own sampling made this vertex, m⁻²
+    /// (for `y_0` with the light's selection probability).
+    pub pdf_fwd: f64,
+    /// Whether the direction onward was drawn from a delta lobe.
+    pub delta: bool,
+    /// Weight recurrence, see [`super::weight`].
+    pub mis: super::weight::Partial,
+}
+
+impl<'a> Vertex<'a> {
+    /// Geometric normal; `None` where there is no surface (pinhole, point light).
+    #[must_use]
+    pub fn surface(&self) -> Option<&SurfaceInteraction<'a>> {
+        match &self.kind {
+            VertexKind::Surface(si) => Some(si),
+            _ => None,
+        }
+    }
+
+    /// |cos| between the surface and `w`; 1 where there is none.
+    #[must_use]
+    pub fn abs_cos(&self, w: Vec3) -> f32 {
+        self.surface().map_or(1.0, |si| si.ng.dot(w).abs())
+    }
+
+    /// Density of the direction to the previous vertex given one from `wi`.
+    #[must_use]
+    pub fn pdf_rev(&self, wi: Vec3) -> f32 {
+        self.surface().map_or(0.0, |si| si.pdf(wi, self.wo).0)
+    }
+
+    /// Density of the direction `wi` given the previous vertex.
+    #[must_use]
+    pub fn pdf(&self, wi: Vec3) -> SolidAnglePdf {
+        self.surface().map_or(SolidAnglePdf(0.0), |si| si.pdf(self.wo, wi))
+    }
+
+    /// Whether a connection may end here.
+    #[must_use]
+    pub fn connectible(&self) -> bool {
+        self.surface().is_some_and(|si| si.bsdf.has_non_delta())
+    }
+
+    /// Scattering toward `wi` times cosine, adjoint correction included.
+    #[must_use]
+    pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Rgb {
+        self.surface().map_or(Rgb::ZERO, |si| si.scatter(self.wo, wi, mode))
+    }
+}

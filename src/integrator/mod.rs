@@ -1,0 +1,255 @@
+//! Light transport: the path tracer and the bidirectional path tracer, and
+//! the driver that runs them over a film.
+//!
+//! Both share one model: `max_depth` edges after the camera, lights that do
+//! not block, Russian roulette that never biases. Every light-carrying
+//! contribution goes to a [`Recorder`] with its light and size coordinate.
+
+pub mod bdpt;
+pub mod path;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+
+use crate::{
+    film::{Film, Recorder, RowRecorder},
+    math::Rgb,
+    sampler::{Sampler, SamplerKind},
+    scene::Scene,
+};
+
+/// A sampling strategy: `s` vertices from the light, `t` from the camera,
+/// endpoints included. A light that a camera subpath crosses is its last
+/// vertex: `s = 0`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Strategy {
+    /// Vertices of the light subpath.
+    pub s: u8,
+    /// Vertices of the camera subpath.
+    pub t: u8,
+}
+
+impl Strategy {
+    /// The strategy (s, t).
+    #[must_use]
+    pub fn new(s: usize, t: usize) -> Self {
+        Self { s: s as u8, t: t as u8 }
+    }
+
+    /// Edges of the paths it samples.
+    #[must_use]
+    pub fn n_edges(&self) -> usize {
+        usize::from(self.s) + usize::from(self.t) - 1
+    }
+}
+
+/// Multiple importance sampling heuristic. [Veach97] 9.2.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Heuristic {
+    /// Weights proportional to the densities.
+    Balance,
+    /// Weights proportional to the squared densities.
+    #[default]
+    Power,
+}
+
+impl Heuristic {
+    /// The heuristic's function of a density or ratio of densities.
+    #[must_use]
+    pub fn apply(self, x: f64) -> f64 {
+        match self {
+            Self::Balance => x,
+            Self::Power => x * x,
+        }
+    }
+}
+
+/// Which integrator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IntegratorKind {
+    /// Unidirectional, with next-event estimation.
+    Path,
+    /// Bidirectional.
+    #[default]
+    Bdpt,
+}
+
+/// An integrator with its options.
+#[derive(Clone, Copy, Debug)]
+pub struct Integrator {
+    /// Which.
+    pub kind: IntegratorKind,
+    /// Edges after the camera, at least 1.
+    pub max_depth: usize,
+    /// Weights of the bidirectional strategies.
+    pub heuristic: Heuristic,
+}
+
+impl Default for Integrator {
+    fn default() -> Self {
+        Self { kind: IntegratorKind::Bdpt, max_depth: 8, heuristic: Heuristic::Power }
+    }
+}
+
+/// Which samples of which sequence to take.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampling {
+    /// Family of sequences.
+    pub sampler: SamplerKind,
+    /// Scramble of the whole picture.
+    pub seed: u64,
+    /// First sample index of every pixel.
+    pub first: u32,
+    /// Samples per pixel.
+    pub count: u32,
+}
+
+/// Why a render has no picture.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum RenderError {
+    /// A splat did not fit its fixed-point cell.
+    #[error("{0} contributions overflowed the film; lower the lights' radiance or the exposure")]
+    Overflow(u64),
+    /// More than one contribution in a million was not a number.
+    #[error("{dropped} contributions of {samples} samples were not finite: the scene's scale or geometry is broken")]
+    NonFinite {
+        /// How many.
+        dropped: u64,
+        /// Of how many samples.
+        samples: u64,
+    },
+    /// [`Observer::cancelled`] said so.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// Contributions dropped per sample above which a render fails.
+const MAX_NON_FINITE: f64 = 1e-6;
+
+/// Watches and may stop a render.
+pub trait Observer: Sync {
+    /// Called when `rows` more rows of the film are done.
+    fn advance(&self, rows: u64);
+    /// Whether to stop.
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Watches nothing.
+impl Observer for () {
+    fn advance(&self, _rows: u64) {}
+}
+
+/// Stops when set.
+impl Observer for AtomicBool {
+    fn advance(&self, _rows: u64) {}
+    fn cancelled(&self) -> bool {
+        self.load(Ordering::Relaxed)
+    }
+}
+
+impl Integrator {
+    /// Adds samples to a film; runs in the current rayon pool and gives the
+    /// same film whatever its number of threads.
+    ///
+    /// # Errors
+    /// When the film overflowed, too many contributions were not finite, or
+    /// the observer stopped it; the film is then of no use.
+    pub fn render<F: Film>(
+        &self,
+        scene: &Scene,
+        film: &mut F,
+        sampling: Sampling,
+        observer: &impl Observer,
+    ) -> Result<(), RenderError> {
+        let region = film.region();
+        let size = scene.camera.size();
+        let (bad_before, over_before) = film.defects();
+        let run_row = |row: &mut F::Row<'_>, y: u32, xs: std::ops::Range<u32>, kept: bool| {
+            let mut sampler = Sampler::new(sampling.sampler, sampling.seed);
+            let mut bdpt = bdpt::Workspace::default();
+            for (i, x) in xs.enumerate() {
+                row.set_pixel(i);
+                let pixel = UVec2::new(x, y);
+                for index in sampling.first..sampling.first + sampling.count {
+                    sampler.start(pixel, index);
+                    match self.kind {
+                        IntegratorKind::Path => path::sample(self, scene, &mut sampler, pixel, row),
+                        IntegratorKind::Bdpt => {
+                            bdpt::sample(self, scene, &mut sampler, pixel, kept, &mut bdpt, row);
+                        }
+                    }
+                }
+            }
+        };
+        film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(i, mut row)| {
+            if !observer.cancelled() {
+                run_row(&mut row, region.min.y + i as u32, region.min.x..region.max.x, true);
+                observer.advance(1);
+            }
+        });
+        // Light subpaths of the pixels outside the region land inside it too.
+        if self.kind == IntegratorKind::Bdpt && region.size() != size {
+            let film = &*film;
+            (0..size.y).into_par_iter().with_max_len(1).for_each(|y| {
+                let mut row = film.outside();
+                let inside = (region.min.y..region.max.y).contains(&y);
+                if inside {
+                    run_row(&mut row, y, 0..region.min.x, false);
+                    run_row(&mut row, y, region.max.x..size.x, false);
+                } else {
+                    run_row(&mut row, y, 0..size.x, false);
+                }
+            });
+        }
+        if observer.cancelled() {
+            return Err(RenderError::Cancelled);
+        }
+        let (bad, over) = film.defects();
+        if over > over_before {
+            return Err(RenderError::Overflow(over - over_before));
+        }
+        let samples = size.element_product() as u64 * u64::from(sampling.count);
+        let dropped = bad - bad_before;
+        if dropped as f64 > MAX_NON_FINITE * samples as f64 {
+            return Err(RenderError::NonFinite { dropped, samples });
+        }
+        Ok(())
+    }
+}
+
+/// Edges after which Russian roulette begins.
+const ROULETTE_START: usize = 3;
+/// A subpath survives at least this often, so that no light it could still
+/// meet becomes a rare and bright event.
+const MIN_SURVIVAL: f32 = 0.1;
+
+/// Russian roulette after `n_edges`: the factor on the throughput of a
+/// survivor, or `None`. [Veach97] 10.4.1.
+fn roulette(n_edges: usize, throughput: Rgb, u: f32) -> Option<f32> {
+    if n_edges < ROULETTE_START {
+        return Some(1.0);
+    }
+    let survival = throughput.max_element().clamp(MIN_SURVIVAL, 1.0);
+    (u < survival).then_some(1.0 / survival)
+}
+
+/// Raster position of a sample: uniform over the pixel.
+fn film_position(pixel: UVec2, u: Vec2) -> Vec2 {
+    // Rounding must not push a sample of one pixel into the next.
+    (pixel.as_vec2() + u).min((pixel + UVec2::ONE).as_vec2() * crate::math::ONE_MINUS_EPSILON)
+}
+
+/// Used by tests and tools that look at contributions one by one.
+impl<F: FnMut(Option<Vec2>, &crate::film::Contribution)> Recorder for F {
+    fn add(&mut self, c: &crate::film::Contribution) {
+        self(None, c);
+    }
+    fn splat(&mut self, raster: Vec2, c: &crate::film::Contribution) {
+        self(Some(raster), c);
+    }
+}

@@ -1,0 +1,119 @@
+//! Unidirectional path tracing with next-event estimation.
+//!
+//! # References
+//! [Kajiya86]; [Veach97] 9.2 (multiple importance sampling).
+
+use glam::UVec2;
+
+use super::{Heuristic, Integrator, Strategy, film_position, roulette};
+use crate::{
+    bsdf::TransportMode,
+    film::{Contribution, Recorder},
+    math::{Rgb, SolidAnglePdf},
+    sampler::{Sampler, Stream},
+    scene::{Scene, SurfaceInteraction},
+};
+
+/// Traces one camera path through `pixel` and records all light it meets.
+pub fn sample(
+    integrator: &Integrator,
+    scene: &Scene,
+    sampler: &mut Sampler,
+    pixel: UVec2,
+    recorder: &mut impl Recorder,
+) {
+    let raster = film_position(pixel, sampler.next_2d());
+    let _lens = sampler.next_2d();
+    let mut connection = sampler.clone();
+    connection.start_stream(Stream::Connection);
+
+    let mut org = scene.camera.position;
+    let mut dir = scene.camera.direction(raster);
+    let mut beta = Rgb::ONE;
+    // Density of `dir`; `None` where no other strategy could have sampled the light.
+    let mut pdf: Option<SolidAnglePdf> = None;
+    for n_edges in 1..=integrator.max_depth {
+        let hit = scene.intersect(org, dir);
+        let t_max = hit.map_or(f32::INFINITY, |h| h.t);
+        scene.for_each_crossing(org, dir, t_max, |id, light, c| {
+            if n_edges == 1 && !light.camera_visible {
+                return;
+            }
+            let mis_weight = pdf.map_or(1.0, |p| {
+                let nee = scene.light_sampler.pmf(id).0 * light.pdf_li(org, c).0;
+                weight(integrator.heuristic, p.0, nee)
+            });
+            recorder.add(&Contribution {
+                light: id,
+                rho: c.rho,
+                light_point: c.p,
+                value: beta * c.radiance * mis_weight,
+                strategy: Strategy::new(0, n_edges + 1),
+                mis_weight,
+            });
+        });
+        let Some(hit) = hit else { return };
+        if n_edges == integrator.max_depth {
+            return;
+        }
+        let si = hit.si;
+        let wo = -dir;
+        next_event(integrator, scene, &mut connection, &si, wo, beta, n_edges, recorder);
+
+        let uc = sampler.next_1d();
+        let u = sampler.next_2d();
+        let u_roulette = sampler.next_1d();
+        let Some(s) = si.sample(wo, uc, u, TransportMode::Radiance) else { return };
+        beta *= s.weight;
+        let Some(survivor) = roulette(n_edges, beta, u_roulette) else { return };
+        beta *= survivor;
+        if beta == Rgb::ZERO {
+            return;
+        }
+        pdf = (!s.delta).then_some(s.pdf);
+        org = si.spawn_origin(s.wi);
+        dir = s.wi;
+    }
+}
+
+/// Samples one light from `si` and records what it sends.
+#[allow(clippy::too_many_arguments)]
+fn next_event(
+    integrator: &Integrator,
+    scene: &Scene,
+    connection: &mut Sampler,
+    si: &SurfaceInteraction,
+    wo: glam::Vec3,
+    beta: Rgb,
+    n_edges: usize,
+    recorder: &mut impl Recorder,
+) {
+    let u_light = connection.next_1d();
+    let u = connection.next_2d();
+    let _spare = connection.next_1d();
+    if !si.bsdf.has_non_delta() {
+        return;
+    }
+    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+    let light = &scene.lights[id as usize];
+    let Some(l) = light.sample_li(si.p, u) else { return };
+    let value = beta * si.scatter(wo, l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
+    if value == Rgb::ZERO || !scene.unoccluded(si.spawn_origin(l.wi), l.p) {
+        return;
+    }
+    let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
+    let mis_weight = weight(integrator.heuristic, l.pdf.0 * pmf.0, hit_pdf);
+    recorder.add(&Contribution {
+        light: id,
+        rho: l.rho,
+        light_point: l.p,
+        value: value * mis_weight,
+        strategy: Strategy::new(1, n_edges + 1),
+        mis_weight,
+    });
+}
+
+/// Weight of the strategy with density `p` against one with density `q`.
+fn weight(heuristic: Heuristic, p: f32, q: f32) -> f32 {
+    (1.0 / (1.0 + heuristic.apply(f64::from(q) / f64::from(p)))) as f32
+}

@@ -1,0 +1,191 @@
+//! One-sided rectangle and disk, with an optional cone (a spot).
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{Crossing, LightLeSample, LightLiSample, SizeDensity};
+use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
+
+/// Outline at unit size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outline {
+    /// Half-extents along the frame's tangents, metres.
+    Rectangle {
+        /// Half-extent along `s`.
+        a: f32,
+        /// Half-extent along `t`.
+        b: f32,
+    },
+    /// Radius, metres.
+    Disk {
+        /// Radius.
+        r: f32,
+    },
+}
+
+/// A cone of emission with a soft edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Cosine of the angle within which emission is full.
+    pub cos_inner: f32,
+    /// Cosine of the angle beyond which there is none.
+    pub cos_outer: f32,
+}
+
+impl Cone {
+    /// Relative radiance at `cos_theta` from the axis: a smooth step in the cosine.
+    fn profile(&self, cos_theta: f32) -> f32 {
+        let width = self.cos_inner - self.cos_outer;
+        if width <= 0.0 {
+            return if cos_theta >= self.cos_outer { 1.0 } else { 0.0 };
+        }
+        let x = ((cos_theta - self.cos_outer) / width).clamp(0.0, 1.0);
+        x * x * (3.0 - 2.0 * x)
+    }
+}
+
+/// A planar emitter, radiating from the side of `frame.n`.
+#[derive(Clone, Copy, Debug)]
+pub struct Planar {
+    /// Centre, metres.
+    pub center: Vec3,
+    /// Axes; `n` is the emitting side.
+    pub frame: Frame,
+    /// Outline at unit size.
+    pub outline: Outline,
+    /// Emission limited to a cone about `n`; `None` is the whole half-space.
+    pub cone: Option<Cone>,
+}
+
+impl Planar {
+    /// Size coordinate of a point of the plane given in the frame's tangents.
+    #[must_use]
+    pub fn rho(&self, x: Vec2) -> f32 {
+        match self.outline {
+            Outline::Rectangle { a, b } => (x.x.abs() / a).max(x.y.abs() / b),
+            Outline::Disk { r } => x.length() / r,
+        }
+    }
+
+    /// Point with size coordinate `rho`, uniform along its outline.
+    fn point(&self, rho: f32, u: f32) -> Vec3 {
+        let x = match self.outline {
+            Outline::Rectangle { a, b } => {
+                // A side uniformly, then along it.
+                let side = (u * 4.0).min(3.999_999_8);
+                let along = 2.0 * side.fract() - 1.0;
+                match side as u32 {
+                    0 => Vec2::new(a, b * along),
+                    1 => Vec2::new(-a * along, b),
+                    2 => Vec2::new(-a, -b * along),
+                    _ => Vec2::new(a * along, -b),
+                }
+            }
+            Outline::Disk { r } => {
+                let (sin, cos) = (2.0 * PI * u).sin_cos();
+                r * Vec2::new(cos, sin)
+            }
+        } * rho;
+        self.center + self.frame.s * x.x + self.frame.t * x.y
+    }
+
+    fn profile(&self, cos_theta: f32) -> f32 {
+        if cos_theta <= 0.0 { 0.0 } else { self.cone.map_or(1.0, |c| c.profile(cos_theta)) }
+    }
+
+    fn sin2_max(&self) -> f32 {
+        self.cone.map_or(1.0, |c| (1.0 - c.cos_outer * c.cos_outer).max(1e-12))
+    }
+
+    pub(super) fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32, extent: f32) -> Option<Crossing> {
+        let cos = -dir.dot(self.frame.n);
+        if cos <= 0.0 {
+            return None;
+        }
+        let t = (org - self.center).dot(self.frame.n) / cos;
+        if !(t > 0.0 && t < t_max) {
+            return None;
+        }
+        let p = org + dir * t;
+        let d = p - self.center;
+        let rho = self.rho(Vec2::new(d.dot(self.frame.s), d.dot(self.frame.t)));
+        let radiance = Rgb::splat(self.profile(cos));
+        (rho <= extent && radiance.x > 0.0).then_some(Crossing { t, p, n: self.frame.n, rho, radiance })
+    }
+
+    /// Area density of a point with size coordinate `rho`: q(ρ)/A'(ρ).
+    pub(super) fn pdf_pos(&self, q: &SizeDensity, rho: f32) -> AreaPdf {
+        AreaPdf(match self.outline {
+            Outline::Rectangle { a, b } => q.pdf_over_rho(rho) / (8.0 * a * b),
+            Outline::Disk { r } => q.pdf_over_rho(rho) / (2.0 * PI * r * r),
+        })
+    }
+
+    /// Density of an emitted direction: cosine-weighted within the cone.
+    pub(super) fn pdf_dir(&self, dir: Vec3) -> SolidAnglePdf {
+        let cos = dir.dot(self.frame.n);
+        let sin2_max = self.sin2_max();
+        if cos <= 0.0 || (self.cone.is_some() && 1.0 - cos * cos > sin2_max) {
+            return SolidAnglePdf(0.0);
+        }
+        SolidAnglePdf(cos / (PI * sin2_max))
+    }
+
+    pub(super) fn sample_li(&self, reference: Vec3, q: &SizeDensity, u: Vec2) -> Option<LightLiSample> {
+        let rho = q.sample(u.x);
+        let p = self.point(rho, u.y);
+        let d = p - reference;
+        let d2 = d.length_squared();
+        let wi = d / d2.sqrt();
+        let cos = -wi.dot(self.frame.n);
+        let radiance = Rgb::splat(self.profile(cos));
+        if !(radiance.x > 0.0 && d2 > 0.0) {
+            return None;
+        }
+        let pdf = self.pdf_pos(q, rho).to_solid_angle(d2, cos);
+        Some(LightLiSample { radiance, wi, pdf, p, n: self.frame.n, rho })
+    }
+
+    pub(super) fn sample_le(&self, q: &SizeDensity, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
+        let rho = q.sample(u_pos.x);
+        let disk = warp::square_to_disk(u_dir) * self.sin2_max().sqrt();
+        let cos = (1.0 - disk.length_squared()).max(0.0).sqrt();
+        let dir = self.frame.to_world(disk.extend(cos));
+        let radiance = Rgb::splat(self.profile(cos));
+        (radiance.x > 0.0).then(|| LightLeSample {
+            radiance,
+            p: self.point(rho, u_pos.y),
+            n: self.frame.n,
+            dir,
+            rho,
+            pdf_pos: self.pdf_pos(q, rho),
+            pdf_dir: SolidAnglePdf(cos / (PI * self.sin2_max())),
+        })
+    }
+
+    /// Area at size `s`, m².
+    #[must_use]
+    pub fn area(&self, s: f32) -> f32 {
+        s * s
+            * match self.outline {
+                Outline::Rectangle { a, b } => 4.0 * a * b,
+                Outline::Disk { r } => PI * r * r,
+            }
+    }
+
+    /// Power at unit radiance and size `s`, W.
+    pub(super) fn power(&self, s: f32) -> f32 {
+        let projected = match self.cone {
+            None => PI,
+            // ∫ profile(c)·c dc by parts: the smooth step's derivative is symmetric
+            // about the middle of the edge, where its second moment is width²/20.
+            Some(Cone { cos_inner, cos_outer }) => {
+                let mid = 0.5 * (cos_inner + cos_outer);
+                let width = cos_inner - cos_outer;
+                PI * (1.0 - (mid * mid + width * width / 20.0))
+            }
+        };
+        projected * self.area(s)
+    }
+}

@@ -1,0 +1,107 @@
+//! Sphere emitting outward, resized by its closest-approach coordinate.
+//!
+//! A line meets the ball of radius sR exactly when it passes the centre within
+//! sR. The light is therefore the sphere of its extent, whose emission is
+//! limited to directions with ρ = extent·sin θ ≤ s.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{Crossing, LightLeSample, LightLiSample, SizeDensity};
+use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
+
+/// A spherical emitter.
+#[derive(Clone, Copy, Debug)]
+pub struct Sphere {
+    /// Centre, metres.
+    pub center: Vec3,
+    /// Radius at unit size, metres.
+    pub radius: f32,
+}
+
+impl Sphere {
+    pub(super) fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32, extent: f32) -> Option<Crossing> {
+        let r = self.radius * extent;
+        let oc = org - self.center;
+        let b = -oc.dot(dir);
+        // Closest approach from the perpendicular itself: no cancellation far away.
+        let perpendicular = (oc + b * dir).length();
+        if b <= 0.0 || perpendicular > r || oc.length_squared() <= r * r {
+            return None;
+        }
+        let t = b - (r * r - perpendicular * perpendicular).sqrt();
+        if !(t > 0.0 && t < t_max) {
+            return None;
+        }
+        let p = org + dir * t;
+        Some(Crossing { t, p, n: (p - self.center) / r, rho: perpendicular / self.radius, radiance: Rgb::ONE })
+    }
+
+    pub(super) fn sample_li(&self, reference: Vec3, q: &SizeDensity, u: Vec2) -> Option<LightLiSample> {
+        let to_center = self.center - reference;
+        let d2 = to_center.length_squared();
+        let r = self.radius * q.extent();
+        if d2 <= r * r {
+            return None;
+        }
+        let d = d2.sqrt();
+        let rho = q.sample(u.x);
+        let sin = rho * self.radius / d;
+        let cos = (1.0 - sin * sin).max(0.0).sqrt();
+        let (sin_phi, cos_phi) = (2.0 * PI * u.y).sin_cos();
+        let wi = Frame::from_normal(to_center / d).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos));
+        let perpendicular = rho * self.radius;
+        let t = d * cos - (r * r - perpendicular * perpendicular).max(0.0).sqrt();
+        let p = reference + wi * t;
+        Some(LightLiSample {
+            radiance: Rgb::ONE,
+            wi,
+            pdf: self.pdf_li(reference, q, rho),
+            p,
+            n: (p - self.center) / r,
+            rho,
+        })
+    }
+
+    /// p_ω = q·d²cos α/(2πR²ρ), sin α = ρR/d.
+    pub(super) fn pdf_li(&self, reference: Vec3, q: &SizeDensity, rho: f32) -> SolidAnglePdf {
+        let d2 = self.center.distance_squared(reference);
+        let r2 = self.radius * self.radius;
+        let cos = (1.0 - rho * rho * r2 / d2).max(0.0).sqrt();
+        SolidAnglePdf(q.pdf_over_rho(rho) * d2 * cos / (2.0 * PI * r2))
+    }
+
+    pub(super) fn sample_le(&self, q: &SizeDensity, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
+        let n = warp::square_to_sphere(u_pos);
+        let rho = q.sample(u_dir.x);
+        let sin = rho / q.extent();
+        let cos = (1.0 - sin * sin).max(0.0).sqrt();
+        let (sin_phi, cos_phi) = (2.0 * PI * u_dir.y).sin_cos();
+        let dir = Frame::from_normal(n).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos));
+        let (pdf_pos, pdf_dir) = self.pdf_le(q, n, dir, rho);
+        (pdf_dir.0 > 0.0).then(|| LightLeSample {
+            radiance: Rgb::ONE,
+            p: self.center + n * (self.radius * q.extent()),
+            n,
+            dir,
+            rho,
+            pdf_pos,
+            pdf_dir,
+        })
+    }
+
+    /// p_A = 1/(4πR²s_max²), p_ω = q·s_max²cos θ/(2πρ), sin θ = ρ/s_max.
+    pub(super) fn pdf_le(&self, q: &SizeDensity, n: Vec3, dir: Vec3, rho: f32) -> (AreaPdf, SolidAnglePdf) {
+        let s2 = q.extent() * q.extent();
+        (
+            AreaPdf(1.0 / (4.0 * PI * self.radius * self.radius * s2)),
+            SolidAnglePdf(q.pdf_over_rho(rho) * s2 * n.dot(dir).max(0.0) / (2.0 * PI)),
+        )
+    }
+
+    /// Power at unit radiance and size `s`, W.
+    pub(super) fn power(&self, s: f32) -> f32 {
+        4.0 * PI * PI * (self.radius * s).powi(2)
+    }
+}

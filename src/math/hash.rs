@@ -1,0 +1,16 @@
+//! Integer hashing: seeds for independent sequences.
+
+/// Finaliser of SplitMix64, a bijection of 64-bit words.
+#[must_use]
+pub fn mix64(mut z: u64) -> u64 {
+    z = z.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Folds words into one well-mixed word; the order matters.
+#[must_use]
+pub fn hash_words(words: &[u64]) -> u64 {
+    words.iter().fold(0x243f_6a88_85a3_08d3, |h, &w| mix64(h ^ w))
+}

@@ -1,0 +1,29 @@
+//! Densities that carry their measure in their type.
+
+/// Density per unit solid angle, sr⁻¹.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct SolidAnglePdf(pub f32);
+
+/// Density per unit area, m⁻².
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct AreaPdf(pub f32);
+
+/// Discrete probability, dimensionless.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+pub struct Pmf(pub f32);
+
+impl SolidAnglePdf {
+    /// dω = |cos θ| dA / r²; `cos_target` is taken at the far end, with `ng`.
+    #[must_use]
+    pub fn to_area(self, dist2: f32, cos_target: f32) -> AreaPdf {
+        AreaPdf(self.0 * cos_target.abs() / dist2)
+    }
+}
+
+impl AreaPdf {
+    /// dA = r² dω / |cos θ|; `cos_target` is taken at the far end, with `ng`.
+    #[must_use]
+    pub fn to_solid_angle(self, dist2: f32, cos_target: f32) -> SolidAnglePdf {
+        SolidAnglePdf(self.0 * dist2 / cos_target.abs())
+    }
+}

@@ -1,0 +1,49 @@
+//! Maps from the unit square to the domains that are sampled.
+
+use std::f32::consts::{FRAC_PI_4, PI};
+
+use glam::{Vec2, Vec3};
+
+use super::SolidAnglePdf;
+
+/// Uniform point of the unit disk, concentric map.
+///
+/// [Shirley97]; this form: [PBRT4] A.5.1.
+#[must_use]
+pub fn square_to_disk(u: Vec2) -> Vec2 {
+    let o = 2.0 * u - Vec2::ONE;
+    if o == Vec2::ZERO {
+        return Vec2::ZERO;
+    }
+    let (r, theta) = if o.x.abs() > o.y.abs() {
+        (o.x, FRAC_PI_4 * (o.y / o.x))
+    } else {
+        (o.y, 2.0 * FRAC_PI_4 - FRAC_PI_4 * (o.x / o.y))
+    };
+    r * Vec2::new(theta.cos(), theta.sin())
+}
+
+/// Direction of the upper hemisphere with density cos θ / π.
+#[must_use]
+pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
+    let d = square_to_disk(u);
+    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`square_to_cosine_hemisphere`].
+#[must_use]
+pub fn cosine_hemisphere_pdf(cos_theta: f32) -> SolidAnglePdf {
+    SolidAnglePdf(cos_theta.max(0.0) / PI)
+}
+
+/// Uniform direction of the whole sphere.
+#[must_use]
+pub fn square_to_sphere(u: Vec2) -> Vec3 {
+    let z = 1.0 - 2.0 * u.x;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let phi = 2.0 * PI * u.y;
+    Vec3::new(r * phi.cos(), r * phi.sin(), z)
+}
+
+/// Density of [`square_to_sphere`].
+pub const UNIFORM_SPHERE_PDF: SolidAnglePdf = SolidAnglePdf(1.0 / (4.0 * PI));

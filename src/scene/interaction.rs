@@ -1,0 +1,99 @@
+//! A point of a surface, ready to scatter light.
+
+use glam::{Vec2, Vec3};
+
+use crate::{
+    bsdf::{Bsdf, TransportMode, adjoint_cosine},
+    math::{Frame, Rgb, SolidAnglePdf},
+};
+
+/// A ray's first surface.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceInteraction<'a> {
+    /// Position, metres.
+    pub p: Vec3,
+    /// Unit geometric normal, on the side of the shading normal.
+    pub ng: Vec3,
+    /// Shading frame.
+    pub frame: Frame,
+    /// Scattering at the point.
+    pub bsdf: Bsdf<'a>,
+    /// Triangle.
+    pub triangle: u32,
+}
+
+/// A direction sampled at a [`SurfaceInteraction`].
+#[derive(Clone, Copy, Debug)]
+pub struct ScatterSample {
+    /// Unit direction, world space.
+    pub wi: Vec3,
+    /// BSDF times cosine over density, adjoint correction included.
+    pub weight: Rgb,
+    /// Density of `wi`; the lobe's probability for a delta lobe.
+    pub pdf: SolidAnglePdf,
+    /// Density of the reverse choice, `wo` given `wi`.
+    pub pdf_rev: SolidAnglePdf,
+    /// Whether the direction came from a delta lobe.
+    pub delta: bool,
+}
+
+impl SurfaceInteraction<'_> {
+    /// BSDF times cosine about `wi`, adjoint correction included; world directions.
+    #[must_use]
+    pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+        let f = self.bsdf.f(self.frame.to_local(wo), self.frame.to_local(wi), mode);
+        if f == Rgb::ZERO {
+            return f;
+        }
+        f * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode)
+    }
+
+    /// Density with which [`Self::sample`] draws `wi` given `wo`.
+    #[must_use]
+    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
+        self.bsdf.pdf(self.frame.to_local(wo), self.frame.to_local(wi))
+    }
+
+    /// Samples a direction; `uc` chooses the lobe, `u` the direction.
+    #[must_use]
+    pub fn sample(&self, wo: Vec3, uc: f32, u: Vec2, mode: TransportMode) -> Option<ScatterSample> {
+        let wo_local = self.frame.to_local(wo);
+        let s = self.bsdf.sample(wo_local, uc, u, mode)?;
+        if s.pdf.0 <= 0.0 {
+            return None;
+        }
+        let wi = self.frame.to_world(s.wi);
+        let weight = s.f * (adjoint_cosine(wo, wi, self.frame.n, self.ng, mode) / s.pdf.0);
+        // A delta lobe is chosen with the same probability from both ends:
+        // Fresnel's reflectance is reciprocal and a mirror keeps the angle.
+        let pdf_rev = if s.delta { s.pdf } else { self.bsdf.pdf(s.wi, wo_local) };
+        Some(ScatterSample { wi, weight, pdf: s.pdf, pdf_rev, delta: s.delta })
+    }
+
+    /// Origin of a ray that leaves toward `w`, clear of the surface.
+    #[must_use]
+    pub fn spawn_origin(&self, w: Vec3) -> Vec3 {
+        offset_origin(self.p, if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng })
+    }
+}
+
+/// Moves `p` off its surface along `n` by a distance that scales with the
+/// rounding error of `p`.
+///
+/// [Wachter19] listing 6-1: 256 units in the last place of each coordinate,
+/// or an absolute distance near the origin, where these vanish.
+#[must_use]
+pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
+    const NEAR_ORIGIN: f32 = 1.0 / 32.0;
+    const FLOAT_SCALE: f32 = 1.0 / 65536.0;
+    const INT_SCALE: f32 = 256.0;
+    let offset = |p: f32, n: f32| {
+        if p.abs() < NEAR_ORIGIN {
+            p + FLOAT_SCALE * n
+        } else {
+            let steps = (INT_SCALE * n) as i32;
+            f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
+        }
+    };
+    Vec3::new(offset(p.x, n.x), offset(p.y, n.y), offset(p.z, n.z))
+}

@@ -1,0 +1,122 @@
+//! Materials: what a surface is made of, and the background's value.
+
+use std::sync::Arc;
+
+use glam::Vec2;
+
+use super::texture::Texture;
+use crate::{
+    bsdf::{Bsdf, Coat, Conductor, Dielectric, Diffuse, Plastic, microfacet::Ggx},
+    math::{Rgb, luminance},
+};
+
+/// The scattering model of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// Lambertian.
+    Diffuse,
+    /// Metal; the base colour is the reflectance at normal incidence.
+    Conductor,
+    /// Clear glass.
+    Dielectric,
+    /// Diffuse under a dielectric coat.
+    Plastic,
+}
+
+/// A surface material.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name in the scene file.
+    pub name: String,
+    model: Model,
+    base_color: Rgb,
+    texture: Option<Arc<Texture>>,
+    ggx: Option<Ggx>,
+    ior: f32,
+    coat: Option<Coat>,
+    /// Factor on the base colour: 1, or the background's value.
+    value: f32,
+    /// Factor that sampling decisions use: the largest background value.
+    sampling_value: f32,
+}
+
+/// Parameters of a [`Material`].
+#[derive(Clone, Debug)]
+pub struct MaterialParams {
+    /// Scattering model.
+    pub model: Model,
+    /// Linear Rec.709 albedo or metal reflectance, in [0, 1].
+    pub base_color: Rgb,
+    /// Multiplies the base colour.
+    pub texture: Option<Arc<Texture>>,
+    /// Perceptual roughness in [0, 1]; the GGX slope is its square.
+    pub roughness: f32,
+    /// IOR of a dielectric or of a coat, over that of air.
+    pub ior: f32,
+}
+
+impl Material {
+    /// Builds a material and tabulates its coat.
+    #[must_use]
+    pub fn new(name: String, params: MaterialParams) -> Self {
+        let alpha = params.roughness * params.roughness;
+        let alpha = (alpha >= Ggx::MIN_ALPHA).then_some(alpha);
+        Self {
+            name,
+            model: params.model,
+            base_color: params.base_color,
+            texture: params.texture,
+            ggx: alpha.map(Ggx::new),
+            ior: params.ior,
+            coat: (params.model == Model::Plastic).then(|| Coat::new(params.ior, alpha)),
+            value: 1.0,
+            sampling_value: 1.0,
+        }
+    }
+
+    /// Scattering model.
+    #[must_use]
+    pub fn model(&self) -> Model {
+        self.model
+    }
+
+    /// Sets the factor on the base colour, and the largest it will ever take.
+    pub fn set_value(&mut self, value: f32, largest: f32) {
+        self.value = value;
+        self.sampling_value = largest;
+    }
+
+    /// Base colour at `uv`, value included.
+    #[must_use]
+    pub fn color(&self, uv: Vec2) -> Rgb {
+        self.base_color * self.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv)) * self.value
+    }
+
+    /// Largest channel the base colour takes at value 1.
+    #[must_use]
+    pub fn max_albedo(&self) -> f32 {
+        self.base_color.max_element() * self.texture.as_ref().map_or(1.0, |t| t.max_component())
+    }
+
+    /// Whether the base colour has an effect that a value can scale.
+    #[must_use]
+    pub fn has_value(&self) -> bool {
+        self.model != Model::Dielectric && self.max_albedo() > 0.0
+    }
+
+    /// The scattering function at `uv`.
+    #[must_use]
+    pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
+        let color = if self.model == Model::Dielectric { Rgb::ONE } else { self.color(uv) };
+        match (&self.coat, self.model) {
+            (Some(coat), _) => {
+                let sampling = if self.value > 0.0 { self.sampling_value / self.value } else { 1.0 };
+                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo: luminance(color) * sampling, coat })
+            }
+            (None, Model::Conductor) => Bsdf::Conductor(Conductor { f0: color, ggx: self.ggx }),
+            (None, Model::Dielectric) => Bsdf::Dielectric(Dielectric { eta: self.ior, ggx: self.ggx }),
+            (None, _) => Bsdf::Diffuse(Diffuse { albedo: color }),
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! The scene's triangles in one indexed mesh.
+
+use std::collections::HashMap;
+
+use glam::{Vec2, Vec3};
+
+/// An indexed triangle mesh with per-triangle material and object.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Vertex positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Unit vertex normals.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, v up.
+    pub uvs: Vec<Vec2>,
+    /// Vertices of each triangle.
+    pub indices: Vec<[u32; 3]>,
+    /// Material of each triangle.
+    pub materials: Vec<u32>,
+    /// Object of each triangle.
+    pub objects: Vec<u32>,
+}
+
+impl Mesh {
+    /// Corner positions of a triangle.
+    #[must_use]
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.indices[triangle].map(|i| self.positions[i as usize])
+    }
+}
+
+/// Unnormalised normal of a triangle, twice its area long.
+#[must_use]
+pub fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    (b - a).cross(c - a)
+}
+
+/// Corner normals of triangles that came without: the angle-weighted mean of
+/// the faces that meet at the same position, across edges that bend by less
+/// than `crease` radians.
+///
+/// [Thurmer98] (angle weights). Returns three normals a triangle.
+#[must_use]
+pub fn smooth_normals(positions: &[Vec3], indices: &[[u32; 3]], crease: f32) -> Vec<[Vec3; 3]> {
+    let corners = |t: &[u32; 3]| t.map(|i| positions[i as usize]);
+    let key = |p: Vec3| (p + Vec3::ZERO).to_array().map(f32::to_bits);
+    let faces: Vec<Vec3> = indices.iter().map(|t| face_normal(corners(t)).normalize_or_zero()).collect();
+    let mut around: HashMap<[u32; 3], Vec<(u32, f32)>> = HashMap::new();
+    for (f, t) in indices.iter().enumerate() {
+        let c = corners(t);
+        for k in 0..3 {
+            let (e1, e2) = (c[(k + 1) % 3] - c[k], c[(k + 2) % 3] - c[k]);
+            let angle = if faces[f] == Vec3::ZERO { 0.0 } else { e1.angle_between(e2) };
+            around.entry(key(c[k])).or_default().push((f as u32, angle));
+        }
+    }
+    let min_cos = crease.cos();
+    indices
+        .iter()
+        .enumerate()
+        .map(|(f, t)| {
+            corners(t).map(|p| {
+                let sum: Vec3 = around[&key(p)]
+                    .iter()
+                    .filter(|(g, _)| faces[*g as usize].dot(faces[f]) >= min_cos)
+                    .map(|(g, angle)| faces[*g as usize] * *angle)
+                    .sum();
+                sum.try_normalize().unwrap_or(faces[f])
+            })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_are_smooth_below_the_crease_and_sharp_above() {
+        // Two faces that meet at a right angle along the x axis.
+        let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let t = [[0, 1, 2], [1, 0, 3]];
+        let sharp = smooth_normals(&p, &t, 1.0);
+        assert_eq!(sharp[0], [Vec3::Z; 3]);
+        assert_eq!(sharp[1], [Vec3::Y; 3]);
+        let smooth = smooth_normals(&p, &t, 2.0);
+        assert!((smooth[0][0] - (Vec3::Y + Vec3::Z).normalize()).length() < 1e-6);
+        assert_eq!(smooth[0][2], Vec3::Z);
+    }
+}

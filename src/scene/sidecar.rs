@@ -1,0 +1,268 @@
+//! The sidecar `NAME.toml` beside `NAME.obj`: what OBJ and MTL cannot say.
+//!
+//! ```toml
+//! schema = 1                        # version of this format
+//! exposure = 1.0                    # factor on luminance before sRGB encoding
+//! free = ["radiance", "size", "background"]   # what may vary (default: all)
+//! crease_angle = 40.0               # degrees; for meshes without normals
+//!
+//! [camera]
+//! position = [0.0, 0.5, 1.5]        # metres
+//! look_at = [0.0, 0.1, 0.0]
+//! up = [0.0, 1.0, 0.0]
+//! vfov = 35.0                       # vertical field of view, degrees
+//! size = [640, 480]                 # film, pixels
+//!
+//! [main_object]
+//! objects = ["apple", "basket_*"]   # OBJ `o`/`g` names; a trailing * matches any ending
+//! materials = []                    # and/or MTL names
+//!
+//! [background]
+//! materials = ["wall", "table"]     # default: all that the main object does not use
+//! value_range = [0.05, 1.1]         # bounds of the factor on their base colour
+//!
+//! [[lights]]
+//! name = "key"
+//! type = "rectangle"                # rectangle | disk | sphere | spot | point
+//! position = [1.0, 2.0, 1.0]        # centre
+//! look_at = [0.0, 0.0, 0.0]         # rectangle, disk, spot: the side that emits
+//! up = [0.0, 1.0, 0.0]              # rectangle: which way its height runs
+//! half_extents = [0.4, 0.3]         # rectangle, metres at size 1
+//! radius = 0.1                      # disk, sphere, spot, metres at size 1
+//! angle = 30.0                      # spot: half-angle of the cone, degrees
+//! softness = 0.2                    # spot: share of the angle that is soft edge
+//! size = 1.0                        # multiplies the extents
+//! size_range = [0.1, 2.0]           # default: found from the geometry
+//! radiance = 10.0                   # W·m⁻²·sr⁻¹ (point: W·sr⁻¹) per unit of `color`
+//! radiance_max = 500.0              # default: found from the picture
+//! color = [1.0, 0.9, 0.8]           # linear Rec.709, scaled to luminance 1
+//! camera_visible = true
+//! free = ["radiance", "size"]       # default: all that the light has
+//!
+//! [materials.table]                 # overrides of the MTL material `table`
+//! model = "plastic"                 # diffuse | conductor | dielectric | plastic
+//! base_color = [0.3, 0.2, 0.1]
+//! roughness = 0.2                   # GGX slope is its square; 0 is smooth
+//! ior = 1.5
+//! ```
+
+use std::{collections::BTreeMap, path::Path};
+
+use serde::Deserialize;
+
+use super::{builder::SceneError, material::Model};
+
+/// Version of the sidecar format.
+pub const SCHEMA: u32 = 1;
+
+/// The whole file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sidecar {
+    /// Must be [`SCHEMA`].
+    pub schema: u32,
+    /// Factor on luminance before display encoding.
+    #[serde(default = "one")]
+    pub exposure: f32,
+    /// What may vary.
+    #[serde(default)]
+    pub free: FreeVariables,
+    /// Largest bend of an edge that is still smooth, degrees.
+    #[serde(default = "default_crease")]
+    pub crease_angle: f32,
+    /// Camera.
+    pub camera: CameraSpec,
+    /// Main object.
+    pub main_object: Selection,
+    /// Background materials and value.
+    #[serde(default)]
+    pub background: BackgroundSpec,
+    /// Lights.
+    #[serde(default)]
+    pub lights: Vec<LightSpec>,
+    /// Material overrides by MTL name.
+    #[serde(default)]
+    pub materials: BTreeMap<String, MaterialSpec>,
+}
+
+/// A kind of variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, serde::Serialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum FreeKind {
+    /// Radiance of lights.
+    Radiance,
+    /// Size of lights.
+    Size,
+    /// Value of the background materials.
+    Background,
+}
+
+/// Kinds of variables that may vary.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
+#[serde(transparent)]
+pub struct FreeVariables(pub Vec<FreeKind>);
+
+impl Default for FreeVariables {
+    fn default() -> Self {
+        Self(vec![FreeKind::Radiance, FreeKind::Size, FreeKind::Background])
+    }
+}
+
+impl FreeVariables {
+    /// Whether a kind may vary.
+    #[must_use]
+    pub fn contains(&self, kind: FreeKind) -> bool {
+        self.0.contains(&kind)
+    }
+}
+
+/// `[camera]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSpec {
+    /// Metres.
+    pub position: [f32; 3],
+    /// Metres.
+    pub look_at: [f32; 3],
+    /// Up vector.
+    #[serde(default = "up")]
+    pub up: [f32; 3],
+    /// Degrees.
+    pub vfov: f32,
+    /// Pixels.
+    #[serde(default = "default_size")]
+    pub size: [u32; 2],
+}
+
+/// Names of objects and materials.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// OBJ object or group names.
+    #[serde(default)]
+    pub objects: Vec<String>,
+    /// MTL material names.
+    #[serde(default)]
+    pub materials: Vec<String>,
+}
+
+/// `[background]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BackgroundSpec {
+    /// MTL material names; default all that the main object does not use.
+    pub materials: Option<Vec<String>>,
+    /// Bounds of the value factor.
+    pub value_range: Option<[f32; 2]>,
+}
+
+/// Kind of a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightType {
+    /// One-sided rectangle.
+    Rectangle,
+    /// One-sided disk.
+    Disk,
+    /// Sphere.
+    Sphere,
+    /// Disk with a cone.
+    Spot,
+    /// Point.
+    Point,
+}
+
+/// `[[lights]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightSpec {
+    /// Unique name.
+    pub name: String,
+    /// Kind.
+    #[serde(rename = "type")]
+    pub kind: LightType,
+    /// Centre, metres.
+    pub position: [f32; 3],
+    /// A point on the emitting side.
+    pub look_at: Option<[f32; 3]>,
+    /// Which way a rectangle's height runs.
+    #[serde(default = "up")]
+    pub up: [f32; 3],
+    /// Half-extents at size 1, metres.
+    pub half_extents: Option<[f32; 2]>,
+    /// Radius at size 1, metres.
+    pub radius: Option<f32>,
+    /// Half-angle of a spot, degrees.
+    pub angle: Option<f32>,
+    /// Share of the angle that is soft edge.
+    pub softness: Option<f32>,
+    /// Size factor.
+    #[serde(default = "one")]
+    pub size: f32,
+    /// Bounds of the size factor.
+    pub size_range: Option<[f32; 2]>,
+    /// Radiance per unit of colour.
+    #[serde(default = "one")]
+    pub radiance: f32,
+    /// Upper bound of the radiance.
+    pub radiance_max: Option<f32>,
+    /// Linear Rec.709.
+    #[serde(default = "white")]
+    pub color: [f32; 3],
+    /// Whether the camera sees the light itself.
+    #[serde(default = "yes")]
+    pub camera_visible: bool,
+    /// What may vary.
+    pub free: Option<FreeVariables>,
+}
+
+/// `[materials.NAME]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialSpec {
+    /// Scattering model.
+    pub model: Option<Model>,
+    /// Linear Rec.709.
+    pub base_color: Option<[f32; 3]>,
+    /// Perceptual roughness.
+    pub roughness: Option<f32>,
+    /// IOR.
+    pub ior: Option<f32>,
+}
+
+fn one() -> f32 {
+    1.0
+}
+fn yes() -> bool {
+    true
+}
+fn up() -> [f32; 3] {
+    [0.0, 1.0, 0.0]
+}
+fn white() -> [f32; 3] {
+    [1.0; 3]
+}
+fn default_size() -> [u32; 2] {
+    [640, 480]
+}
+fn default_crease() -> f32 {
+    40.0
+}
+
+impl Sidecar {
+    /// Parses and checks the version.
+    ///
+    /// # Errors
+    /// With file, line and the nearest known key.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
+        let sidecar: Self = crate::toml_file::parse(path, text)?;
+        if sidecar.schema != SCHEMA {
+            return Err(SceneError::Key {
+                path: path.to_path_buf(),
+                key: "schema".into(),
+                message: format!("this program reads version {SCHEMA}, the file says {}", sidecar.schema),
+            });
+        }
+        Ok(sidecar)
+    }
+}

@@ -1,0 +1,9 @@
+//! Tests that judge noise by statistics: fixed seeds, level 0.01 with Šidák
+//! correction.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod transport;
+mod weights;
+
+#[path = "../support/mod.rs"]
+mod support;

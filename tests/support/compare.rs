@@ -1,0 +1,111 @@
+//! Pictures as statistics: per-pixel means with their variance.
+
+use std::{fs, path::PathBuf};
+
+use glam::UVec2;
+use lightopt_embree::{
+    film::{LightState, Picture, Region, RgbFilm},
+    integrator::{Integrator, Sampling},
+    math::stats::{Moments, sidak_z},
+    sampler::SamplerKind,
+    scene::Scene,
+};
+
+pub fn states(scene: &Scene) -> Vec<LightState> {
+    scene.lights.iter().map(|l| LightState { radiance: l.radiance, size: l.size }).collect()
+}
+
+pub fn render_region(scene: &Scene, integrator: &Integrator, sampling: Sampling, region: Region) -> Picture {
+    let mut film = RgbFilm::new(region, &states(scene), scene.exposure);
+    integrator.render(scene, &mut film, sampling, &()).unwrap();
+    let radiance: Vec<f32> = scene.lights.iter().map(|l| l.radiance).collect();
+    film.develop(&radiance, sampling.count)
+}
+
+pub fn render(scene: &Scene, integrator: &Integrator, sampling: Sampling) -> Picture {
+    render_region(scene, integrator, sampling, Region::full(scene.camera.size()))
+}
+
+/// Per-pixel statistics over independent renders.
+pub struct Measured {
+    pub size: UVec2,
+    /// [pixel][channel]
+    pub pixels: Vec<[Moments; 3]>,
+    /// Mean of the picture's luminance-like channel sum.
+    pub total: Moments,
+}
+
+/// `n` independent renders of `spp` samples.
+pub fn measure(scene: &Scene, integrator: &Integrator, sampler: SamplerKind, seed: u64, n: u32, spp: u32) -> Measured {
+    let size = scene.camera.size();
+    let mut out =
+        Measured { size, pixels: vec![[Moments::default(); 3]; size.element_product() as usize], total: Moments::default() };
+    for i in 0..n {
+        let sampling = Sampling { sampler, seed: seed * 1_000_003 + u64::from(i), first: 0, count: spp };
+        let picture = render(scene, integrator, sampling);
+        let mut sum = 0.0;
+        for (m, rgb) in out.pixels.iter_mut().zip(&picture.rgb) {
+            for c in 0..3 {
+                m[c].push(f64::from(rgb[c]));
+                sum += f64::from(rgb[c]);
+            }
+        }
+        out.total.push(sum / (3.0 * picture.rgb.len() as f64));
+    }
+    out
+}
+
+/// Fails unless two measurements agree: each pixel's mean over the channels by
+/// a z-test at level 0.01 with Šidák correction, and the picture's mean.
+///
+/// Variances are pooled over the picture's renders; a variance floor of the
+/// median pixel's keeps a pixel that happened to see no noise from deciding.
+pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
+    let n = a.pixels.len();
+    let gray = |p: &[Moments; 3]| {
+        let mean = p.iter().map(Moments::mean).sum::<f64>() / 3.0;
+        // Channels of one pixel are fully dependent: add deviations, not variances.
+        let sd = p.iter().map(|m| m.variance_of_mean().sqrt()).sum::<f64>() / 3.0;
+        (mean, sd * sd)
+    };
+    let mut variances: Vec<f64> = a.pixels.iter().zip(&b.pixels).map(|(p, q)| gray(p).1 + gray(q).1).collect();
+    variances.sort_by(f64::total_cmp);
+    let floor = variances[n / 2];
+    let z: Vec<f64> = a
+        .pixels
+        .iter()
+        .zip(&b.pixels)
+        .map(|(p, q)| {
+            let ((ma, va), (mb, vb)) = (gray(p), gray(q));
+            (ma - mb) / (va + vb).max(floor).max(1e-30).sqrt()
+        })
+        .collect();
+    let threshold = sidak_z(0.01, n + 1);
+    let worst = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let total = (a.total.mean() - b.total.mean())
+        / (a.total.variance_of_mean() + b.total.variance_of_mean()).max(1e-30).sqrt();
+    let relative = (a.total.mean() - b.total.mean()) / b.total.mean();
+    println!(
+        "{name}: worst pixel z {worst:.2}, picture z {total:.2}, means {:.5} {:.5} ({:+.3} %), threshold {threshold:.2}",
+        a.total.mean(),
+        b.total.mean(),
+        100.0 * relative
+    );
+    if worst > threshold || total.abs() > threshold {
+        let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("../test-out");
+        fs::create_dir_all(&dir).unwrap();
+        let map = |f: &dyn Fn(usize) -> [f32; 3]| -> image::Rgb32FImage {
+            image::Rgb32FImage::from_fn(a.size.x, a.size.y, |x, y| image::Rgb(f((y * a.size.x + x) as usize)))
+        };
+        let mean = |m: &Measured, i: usize| std::array::from_fn(|c| (m.pixels[i][c].mean() as f32).powf(1.0 / 2.2));
+        for (suffix, picture) in [
+            ("a", map(&|i| mean(a, i))),
+            ("b", map(&|i| mean(b, i))),
+            ("z", map(&|i| [(z[i] / 10.0).max(0.0) as f32, (z[i].abs() - threshold).max(0.0) as f32, (-z[i] / 10.0).max(0.0) as f32])),
+        ] {
+            let path = dir.join(format!("{name}-{suffix}.png"));
+            image::DynamicImage::ImageRgb32F(picture).into_rgb8().save(&path).unwrap();
+        }
+        panic!("{name}: pictures differ; see {}", dir.display());
+    }
+}

@@ -1,0 +1,225 @@
+//! Small scenes, built in memory.
+
+use std::f32::consts::PI;
+
+use glam::{UVec2, Vec2, Vec3};
+use lightopt_embree::{
+    camera::Camera,
+    light::{Cone, Light, Outline, Planar, Shape, SizeDensity, Sphere, look_frame},
+    math::Rgb,
+    scene::{
+        Material, Mesh, Scene,
+        material::{MaterialParams, Model},
+        mesh::face_normal,
+    },
+};
+
+/// A mesh under construction.
+#[derive(Default)]
+pub struct Shapes {
+    pub mesh: Mesh,
+}
+
+impl Shapes {
+    fn vertex(&mut self, p: Vec3, n: Vec3, uv: Vec2) -> u32 {
+        self.mesh.positions.push(p);
+        self.mesh.normals.push(n);
+        self.mesh.uvs.push(uv);
+        self.mesh.positions.len() as u32 - 1
+    }
+
+    fn triangle(&mut self, t: [u32; 3], material: u32) {
+        self.mesh.indices.push(t);
+        self.mesh.materials.push(material);
+        self.mesh.objects.push(0);
+    }
+
+    /// A parallelogram `p + a u + b v`, front side along a × b.
+    pub fn quad(&mut self, p: Vec3, a: Vec3, b: Vec3, material: u32) -> &mut Self {
+        let n = a.cross(b).normalize();
+        let i: Vec<u32> = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+            .map(|(u, v)| self.vertex(p + a * u + b * v, n, Vec2::new(u, v)))
+            .to_vec();
+        self.triangle([i[0], i[1], i[2]], material);
+        self.triangle([i[0], i[2], i[3]], material);
+        self
+    }
+
+    /// An axis-aligned box, inward or outward.
+    pub fn cuboid(&mut self, lo: Vec3, hi: Vec3, inward: bool, material: u32) -> &mut Self {
+        let d = hi - lo;
+        let (x, y, z) = (Vec3::X * d.x, Vec3::Y * d.y, Vec3::Z * d.z);
+        for (p, a, b) in [(lo, y, x), (lo, x, z), (lo, z, y), (hi, -x, -y), (hi, -z, -x), (hi, -y, -z)] {
+            if inward {
+                self.quad(p, b, a, material);
+            } else {
+                self.quad(p, a, b, material);
+            }
+        }
+        self
+    }
+
+    /// A sphere of `n` × 2n quads; with `smooth` the normals are the sphere's.
+    pub fn sphere(&mut self, center: Vec3, radius: f32, n: u32, smooth: bool, material: u32) -> &mut Self {
+        let point = |i: u32, j: u32| {
+            let (theta, phi) = (PI * i as f32 / n as f32, PI * j as f32 / n as f32);
+            Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
+        };
+        for i in 0..n {
+            for j in 0..2 * n {
+                let corners = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
+                for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+                    let t = [corners[a], corners[b], corners[c]];
+                    let flat = face_normal(t);
+                    if flat.length() < 1e-7 {
+                        continue;
+                    }
+                    let flat = flat.normalize();
+                    let v = t.map(|d| {
+                        self.vertex(center + d * radius, if smooth { d.normalize() } else { flat }, Vec2::ZERO)
+                    });
+                    self.triangle(v, material);
+                }
+            }
+        }
+        self
+    }
+}
+
+pub fn params(model: Model, color: [f32; 3], roughness: f32) -> MaterialParams {
+    MaterialParams { model, base_color: Rgb::from_array(color), texture: None, roughness, ior: 1.5 }
+}
+
+pub fn material(name: &str, model: Model, color: [f32; 3], roughness: f32) -> Material {
+    Material::new(name.into(), params(model, color, roughness))
+}
+
+pub fn light(name: &str, shape: Shape) -> Light {
+    Light {
+        name: name.into(),
+        shape,
+        color: Rgb::ONE,
+        radiance: 1.0,
+        size: 1.0,
+        size_density: SizeDensity::UniformArea { extent: 1.0 },
+        camera_visible: true,
+    }
+}
+
+pub fn rectangle(name: &str, center: Vec3, normal: Vec3, a: f32, b: f32) -> Light {
+    let frame = look_frame(normal, if normal.y.abs() > 0.9 { Vec3::Z } else { Vec3::Y });
+    light(name, Shape::Planar(Planar { center, frame, outline: Outline::Rectangle { a, b }, cone: None }))
+}
+
+pub fn disk(name: &str, center: Vec3, normal: Vec3, r: f32, cone: Option<Cone>) -> Light {
+    let frame = look_frame(normal, Vec3::Z);
+    light(name, Shape::Planar(Planar { center, frame, outline: Outline::Disk { r }, cone }))
+}
+
+pub fn sphere_light(name: &str, center: Vec3, radius: f32) -> Light {
+    light(name, Shape::Sphere(Sphere { center, radius }))
+}
+
+pub fn camera(position: Vec3, look_at: Vec3, vfov: f32, size: (u32, u32)) -> Camera {
+    Camera::new(position, look_at, Vec3::Y, vfov, UVec2::new(size.0, size.1)).unwrap()
+}
+
+/// A closed cube of the given albedo whose walls emit radiance 1: every pixel
+/// sees 1 + a + a² + …
+pub fn furnace(albedo: f32) -> Scene {
+    let mut s = Shapes::default();
+    s.cuboid(Vec3::splat(-1.0), Vec3::ONE, true, 0);
+    let lights = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z]
+        .iter()
+        .map(|n| rectangle(&format!("{n}"), *n * (1.0 - 1e-5), -*n, 1.0, 1.0))
+        .collect();
+    let materials = vec![material("wall", Model::Diffuse, [albedo; 3], 0.0)];
+    let camera = camera(Vec3::new(0.1, -0.2, 0.3), Vec3::new(0.4, 0.3, -1.0), 70.0, (8, 8));
+    Scene::new("furnace", s.mesh, materials, lights, camera).unwrap()
+}
+
+/// The walls, floor and ceiling of a box open toward +z, 2 m wide, with
+/// coloured sides: materials 0 white, 1 red, 2 green.
+pub fn room() -> (Shapes, Vec<Material>) {
+    let mut s = Shapes::default();
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    let lo = Vec3::new(-1.0, 0.0, -1.0);
+    s.quad(lo, z, x, 0).quad(lo + y, x, z, 0).quad(lo, x, y, 0).quad(lo, y, z, 1).quad(lo + x, z, y, 2);
+    let materials = vec![
+        material("white", Model::Diffuse, [0.7, 0.7, 0.7], 0.0),
+        material("red", Model::Diffuse, [0.6, 0.1, 0.1], 0.0),
+        material("green", Model::Diffuse, [0.1, 0.5, 0.1], 0.0),
+    ];
+    (s, materials)
+}
+
+pub fn room_camera(size: (u32, u32)) -> Camera {
+    camera(Vec3::new(0.0, 1.0, 3.8), Vec3::new(0.0, 0.95, 0.0), 38.0, size)
+}
+
+fn finish(name: &str, s: Shapes, materials: Vec<Material>, lights: Vec<Light>, size: (u32, u32)) -> Scene {
+    Scene::new(name, s.mesh, materials, lights, room_camera(size)).unwrap()
+}
+
+fn ceiling_light() -> Light {
+    let mut l = rectangle("ceiling", Vec3::new(0.0, 1.98, 0.0), Vec3::NEG_Y, 0.4, 0.3);
+    l.radiance = 6.0;
+    l
+}
+
+pub fn cornell(size: (u32, u32)) -> Scene {
+    let (mut s, m) = room();
+    s.cuboid(Vec3::new(-0.7, 0.0, -0.6), Vec3::new(-0.1, 1.1, 0.0), false, 0);
+    s.cuboid(Vec3::new(0.1, 0.0, -0.1), Vec3::new(0.6, 0.5, 0.4), false, 0);
+    finish("cornell", s, m, vec![ceiling_light()], size)
+}
+
+/// A coarse sphere with smooth normals: shading and geometric normals differ.
+pub fn smooth_sphere(size: (u32, u32)) -> Scene {
+    let (mut s, m) = room();
+    s.sphere(Vec3::new(0.0, 0.6, 0.0), 0.6, 6, true, 0);
+    finish("smooth_sphere", s, m, vec![ceiling_light()], size)
+}
+
+pub fn rough_glass(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.5));
+    s.sphere(Vec3::new(0.0, 0.6, 0.1), 0.5, 16, true, 3);
+    finish("rough_glass", s, m, vec![ceiling_light()], size)
+}
+
+pub fn smooth_glass(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.0));
+    s.sphere(Vec3::new(0.0, 0.6, 0.1), 0.5, 16, true, 3);
+    finish("smooth_glass", s, m, vec![ceiling_light()], size)
+}
+
+pub fn glossy_floor(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    m.push(material("floor", Model::Plastic, [0.3, 0.2, 0.1], 0.35));
+    m.push(material("metal", Model::Conductor, [0.9, 0.7, 0.4], 0.4));
+    m.push(material("varnish", Model::Plastic, [0.6, 0.2, 0.2], 0.0));
+    s.quad(Vec3::new(-1.0, 0.01, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 3);
+    s.sphere(Vec3::new(-0.4, 0.4, 0.0), 0.35, 12, true, 4);
+    s.sphere(Vec3::new(0.45, 0.4, 0.1), 0.35, 12, true, 5);
+    let mut ball = sphere_light("ball", Vec3::new(0.3, 1.4, 0.2), 0.15);
+    ball.radiance = 10.0;
+    finish("glossy_floor", s, m, vec![ceiling_light(), ball], size)
+}
+
+/// Two lights on one line of sight, the nearer in front of the farther, and
+/// a spot and a point: nothing blocks anything.
+pub fn lights_in_line(size: (u32, u32)) -> Scene {
+    let (s, m) = room();
+    let mut near = rectangle("near", Vec3::new(0.0, 1.0, 0.3), Vec3::Z, 0.3, 0.2);
+    near.radiance = 0.7;
+    let mut far = sphere_light("far", Vec3::new(0.05, 1.0, -0.4), 0.3);
+    far.radiance = 1.5;
+    let cone = Cone { cos_inner: 0.95, cos_outer: 0.8 };
+    let mut spot = disk("spot", Vec3::new(-0.6, 1.7, 0.4), Vec3::new(0.5, -1.0, -0.3), 0.1, Some(cone));
+    spot.radiance = 40.0;
+    let mut point = light("point", Shape::Point(Vec3::new(0.6, 1.5, 0.5)));
+    point.radiance = 0.3;
+    finish("lights_in_line", s, m, vec![near, far, spot, point], size)
+}
