@@ -23,8 +23,9 @@ impl SizeDensity {
     #[must_use]
     pub fn sample(&self, u: f32) -> f32 {
         match *self {
-            // 1 - u is never zero.
-            Self::UniformArea { extent } => extent * (1.0 - u).sqrt(),
+            // Kept off the rim, where a sphere's rays are tangents and their
+            // densities 0/0 in f32; it costs a millionth of the range.
+            Self::UniformArea { extent } => extent * (1.0 - u.max(1e-6)).sqrt(),
         }
     }
 

@@ -53,7 +53,7 @@ fn fast_weights_equal_the_reference_on_random_paths() {
                 }
             }
             println!("{}: {n} weights of {} strategies, worst error {worst:.1e}", scene.name, strategies.len());
-            assert!(n > 5_000);
+            assert!(n > 3_000);
         }
     }
 }
@@ -116,11 +116,16 @@ fn every_strategy_has_the_same_mean_per_path_length() {
 }
 
 fn strategy_scene() -> Scene {
-    use glam::Vec3;
+    use glam::{Vec3, Vec3Swizzles};
     use lightopt_embree::scene::material::Model;
     let mut s = scenes::Shapes::default();
-    s.cuboid(Vec3::splat(-1.0), Vec3::ONE, true, 0);
-    s.sphere(Vec3::new(0.2, -0.5, -0.3), 0.4, 8, true, 1);
+    // Walls that do not touch: where surfaces meet, an unweighted connection has
+    // no finite variance.
+    for n in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::NEG_Z] {
+        let (a, b) = (n.yzx() * 0.8, n.cross(n.yzx()) * 0.8);
+        s.quad(-n - a - b, a * 2.0, b * 2.0, 0);
+    }
+    s.sphere(Vec3::new(0.2, -0.3, -0.3), 0.3, 8, true, 1);
     let materials = vec![
         scenes::material("wall", Model::Diffuse, [0.6; 3], 0.0),
         scenes::material("ball", Model::Plastic, [0.5, 0.4, 0.3], 0.6),

@@ -1,0 +1,165 @@
+//! The free variables: their names, units, bounds, scales and start, and what
+//! they do to a scene.
+//!
+//! The optimiser works on `u ∈ [0, 1]ⁿ`; a [`Scale`] maps each component to
+//! the value that a user reads.
+
+pub mod bounds;
+pub mod survey;
+
+use serde::Serialize;
+
+use crate::{
+    objective::luminance::{eotf_srgb, oetf_srgb},
+    scene::Scene,
+};
+
+/// What a variable changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VariableKind {
+    /// Radiance of a light (index).
+    Radiance(usize),
+    /// Size of a light (index).
+    Size(usize),
+    /// Value factor of the background materials.
+    Background,
+}
+
+/// How `u ∈ [0, 1]` maps to a value between the bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scale {
+    /// Proportional.
+    Linear,
+    /// By the sRGB transfer function: even steps look even, and the slope at
+    /// the lower bound is not zero, so that a light that is off can come on.
+    Perceptual,
+}
+
+/// A free variable.
+#[derive(Clone, Debug, Serialize)]
+pub struct Variable {
+    /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
+    pub name: String,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Least value.
+    pub lower: f64,
+    /// Largest value.
+    pub upper: f64,
+    /// Value at the start.
+    pub initial: f64,
+    /// Map from the optimiser's unit interval.
+    pub scale: Scale,
+    /// What it changes.
+    #[serde(skip)]
+    pub kind: VariableKind,
+}
+
+impl Variable {
+    /// Value at `u ∈ [0, 1]`.
+    #[must_use]
+    pub fn decode(&self, u: f64) -> f64 {
+        let t = match self.scale {
+            Scale::Linear => u,
+            Scale::Perceptual => eotf_srgb(u),
+        };
+        self.lower + (self.upper - self.lower) * t
+    }
+
+    /// The `u` of a value, cut to [0, 1].
+    #[must_use]
+    pub fn encode(&self, value: f64) -> f64 {
+        if self.upper <= self.lower {
+            return 0.0;
+        }
+        let t = ((value - self.lower) / (self.upper - self.lower)).clamp(0.0, 1.0);
+        match self.scale {
+            Scale::Linear => t,
+            Scale::Perceptual => oetf_srgb(t),
+        }
+    }
+}
+
+/// All free variables of a run.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct ParamVector {
+    /// In the order of the optimiser's components.
+    pub variables: Vec<Variable>,
+}
+
+impl ParamVector {
+    /// Number of variables.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.variables.len()
+    }
+
+    /// Whether nothing is free.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.variables.is_empty()
+    }
+
+    /// The start, in the optimiser's units.
+    #[must_use]
+    pub fn start(&self) -> Vec<f64> {
+        self.variables.iter().map(|v| v.encode(v.initial)).collect()
+    }
+
+    /// Values at `u`.
+    #[must_use]
+    pub fn decode(&self, u: &[f64]) -> Vec<f64> {
+        self.variables.iter().zip(u).map(|(v, &u)| v.decode(u)).collect()
+    }
+
+    /// Values by name, in order.
+    #[must_use]
+    pub fn named(&self, values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
+        self.variables.iter().zip(values).map(|(v, &x)| (v.name.clone(), x.into())).collect()
+    }
+
+    /// Gives a scene the values.
+    pub fn apply(&self, scene: &mut Scene, values: &[f64]) {
+        for (v, &x) in self.variables.iter().zip(values) {
+            match v.kind {
+                VariableKind::Radiance(i) => {
+                    let size = scene.lights[i].size;
+                    scene.set_light(i, x as f32, size);
+                }
+                VariableKind::Size(i) => {
+                    let radiance = scene.lights[i].radiance;
+                    scene.set_light(i, radiance, x as f32);
+                }
+                VariableKind::Background => scene.set_background_value(x as f32, v.upper as f32),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_invert_and_a_light_that_is_off_can_come_on() {
+        for scale in [Scale::Linear, Scale::Perceptual] {
+            let v = Variable {
+                name: "a".into(),
+                unit: "",
+                lower: 0.0,
+                upper: 8.0,
+                initial: 1.0,
+                scale,
+                kind: VariableKind::Background,
+            };
+            for i in 0..=10 {
+                let u = f64::from(i) / 10.0;
+                assert!((v.encode(v.decode(u)) - u).abs() < 1e-12);
+            }
+            assert_eq!((v.decode(0.0), v.decode(1.0)), (0.0, 8.0));
+            assert!(v.decode(1e-6) / 1e-6 > 0.05 * 8.0);
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! The pre-computation step: bounds and start of the free variables by stated
+//! formulas, from the geometry and from one render of each light alone.
+//!
+//! * sizes: [`super::bounds`], narrowed by the sidecar's `size_range`;
+//! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
+//!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
+//! * `L_max`: the radiance at which the light alone, at its initial size,
+//!   brings the picture's mean display luminance to [`BRIGHT`] of what it can
+//!   reach at any radiance;
+//! * start: every light contributes the same mean luminance, and together
+//!   they bring the picture's mean display luminance to [`START`].
+
+use glam::UVec2;
+
+use super::{ParamVector, Scale, Variable, VariableKind, bounds};
+use crate::{
+    film::Picture,
+    objective::luminance::{LuminanceMode, luminance},
+    scene::{Scene, sidecar::FreeKind, sidecar::FreeVariables},
+};
+
+/// Share of the reachable display luminance that defines `L_max`.
+pub const BRIGHT: f64 = 0.8;
+/// Mean display luminance of the start.
+pub const START: f64 = 0.35;
+/// Least value factor of the background.
+pub const MIN_VALUE: f32 = 0.05;
+/// Largest albedo that a value factor may give a background material.
+pub const MAX_ALBEDO: f32 = 0.95;
+/// Largest value factor of the background.
+pub const MAX_VALUE: f32 = 4.0;
+
+/// A scene leaves nothing to optimise.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum SurveyError {
+    #[error("the scene has no lights; add [[lights]] to its sidecar")]
+    NoLights,
+    #[error("nothing is free: allow radiance, size or background with --free, or `free` in the sidecar")]
+    NothingFree,
+    #[error("light `{light}` does not light the picture; move it or turn it")]
+    LightsNothing { light: String },
+    #[error("light `{light}` is within {distance:.3} of a surface at any size; move it away")]
+    NoRoom { light: String, distance: f32 },
+}
+
+/// Clears room for every light: narrows its size to what the geometry allows.
+/// Returns the size bounds per light (`None` without size) and what changed,
+/// in words.
+///
+/// # Errors
+/// When there are no lights, or one touches a surface at any size.
+pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<Option<[f32; 2]>>, Vec<String>), SurveyError> {
+    if scene.lights.is_empty() {
+        return Err(SurveyError::NoLights);
+    }
+    let mut notes = Vec::new();
+    let mut ranges = Vec::new();
+    for i in 0..scene.lights.len() {
+        let light = &scene.lights[i];
+        let name = light.name.clone();
+        let Some([lo, hi]) = bounds::size_range(scene, light, film) else {
+            ranges.push(None);
+            continue;
+        };
+        if !(hi > 1e-4) {
+            return Err(SurveyError::NoRoom { light: name, distance: hi });
+        }
+        let range = match scene.light_bounds[i].size {
+            None => [lo, hi],
+            Some([a, b]) if b <= hi => [a, b],
+            Some([a, b]) => {
+                notes.push(format!("light `{name}`: size {b} cuts geometry or covers the main object; at most {hi:.3}"));
+                [a.min(hi), hi]
+            }
+        };
+        let size = light.size.clamp(range[0], range[1]);
+        if size != light.size {
+            notes.push(format!("light `{name}`: size {} set to {size:.3}", light.size));
+        }
+        let radiance = light.radiance;
+        scene.set_light(i, radiance, size);
+        ranges.push(Some(range));
+    }
+    Ok((ranges, notes))
+}
+
+/// Bounds of the background's value factor; `None` without background.
+#[must_use]
+pub fn value_range(scene: &Scene) -> Option<[f32; 2]> {
+    let brightest = scene.background.iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+    if brightest <= 0.0 {
+        return None;
+    }
+    let cap = (1.0 / brightest).min(MAX_VALUE);
+    Some(match scene.value_range {
+        Some([lo, hi]) => [lo.min(cap), hi.min(cap)],
+        None => [MIN_VALUE, (MAX_ALBEDO / brightest).clamp(1.0, cap.max(1.0)).min(cap)],
+    })
+}
+
+/// Mean display luminance of `y` at `gain`.
+fn mean_display(y: &[f64], gain: f64, exposure: f64, mode: LuminanceMode) -> f64 {
+    y.iter().map(|&y| mode.encode(y * gain, exposure)).sum::<f64>() / y.len() as f64
+}
+
+/// The gain at which the mean display luminance of `y` is `target`, by
+/// bisection in the exponent.
+fn gain_for(y: &[f64], target: f64, exposure: f64, mode: LuminanceMode) -> f64 {
+    let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
+    for _ in 0..80 {
+        let mid = 0.5 * (lo + hi);
+        if mean_display(y, mid.exp2(), exposure, mode) < target {
+            lo = mid;
+        } else {
+            hi = mid;
+        }
+    }
+    hi.exp2()
+}
+
+/// The variables of a run.
+///
+/// * `unit`: a render with every light at radiance 1 and its fitted size
+/// * `sizes`, from [`fit_sizes`]
+///
+/// # Errors
+/// When a light reaches no pixel, or nothing is free.
+pub fn variables(
+    scene: &Scene,
+    unit: &Picture,
+    sizes: &[Option<[f32; 2]>],
+    free: &FreeVariables,
+    mode: LuminanceMode,
+) -> Result<ParamVector, SurveyError> {
+    let e = f64::from(scene.exposure);
+    let images: Vec<Vec<f64>> =
+        unit.lights.iter().map(|l| l.iter().map(|&rgb| luminance(rgb)).collect()).collect();
+    let means: Vec<f64> = images.iter().map(|y| y.iter().sum::<f64>() / y.len() as f64).collect();
+    if let Some(i) = means.iter().position(|&m| m <= 0.0) {
+        return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
+    }
+    let alike: Vec<f64> = (0..images[0].len())
+        .map(|p| images.iter().zip(&means).map(|(y, m)| y[p] / m).sum())
+        .collect();
+    let gain = gain_for(&alike, START, e, mode);
+    let mut variables = Vec::new();
+    for (i, light) in scene.lights.iter().enumerate() {
+        let limits = &scene.light_bounds[i];
+        if free.contains(FreeKind::Radiance) && limits.radiance_free {
+            let reach = images[i].iter().filter(|&&y| y > 0.0).count() as f64 / images[i].len() as f64;
+            let found = gain_for(&images[i], BRIGHT * reach, e, mode);
+            let upper = limits.radiance_max.map_or(found, f64::from);
+            variables.push(Variable {
+                name: format!("{}.radiance", light.name),
+                unit: if light.is_delta() { "W/sr" } else { "W/m2/sr" },
+                lower: 0.0,
+                upper,
+                initial: (gain / means[i]).min(upper),
+                scale: Scale::Perceptual,
+                kind: VariableKind::Radiance(i),
+            });
+        }
+        if let (true, true, Some([lo, hi])) = (free.contains(FreeKind::Size), limits.size_free, sizes[i]) {
+            variables.push(Variable {
+                name: format!("{}.size", light.name),
+                unit: "1",
+                lower: f64::from(lo),
+                upper: f64::from(hi),
+                initial: f64::from(light.size),
+                scale: Scale::Linear,
+                kind: VariableKind::Size(i),
+            });
+        }
+    }
+    if let (true, Some([lo, hi])) = (free.contains(FreeKind::Background), value_range(scene)) {
+        variables.push(Variable {
+            name: "background.value".into(),
+            unit: "1",
+            lower: f64::from(lo),
+            upper: f64::from(hi),
+            initial: f64::from(1.0_f32.clamp(lo, hi)),
+            scale: Scale::Perceptual,
+            kind: VariableKind::Background,
+        });
+    }
+    if variables.is_empty() {
+        return Err(SurveyError::NothingFree);
+    }
+    Ok(ParamVector { variables })
+}
