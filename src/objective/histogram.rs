@@ -4,7 +4,7 @@
 //! below to 0 above; the ramps of neighbouring bins abut, so a pixel lies in one of them
 //! and the histogram costs O(N). The last `q` is 1 by definition.
 
-use super::smoothing::Ramp;
+use super::smoothing::{Ramp, modulus};
 
 /// Number of bins.
 pub const BINS: usize = 256;
@@ -16,8 +16,9 @@ pub type Cumulated = [f64; BINS];
 /// them) and the position within, in [0, 1).
 fn locate(l: f64) -> (isize, f64) {
     let u = l.clamp(0.0, 1.0) * BINS as f64 - 0.5;
-    let cell = u.floor();
-    (cell as isize, u - cell)
+    // ⌊u⌋ for u ≥ −1 by truncation; `floor` is a library call on baseline x86-64.
+    let cell = (u + 1.0) as isize - 1;
+    (cell, u - cell as f64)
 }
 
 /// `q_i = 1/N Σ_p ramp`, `q_255 = 1`.
@@ -65,7 +66,7 @@ pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumu
     for (&p, &q) in p.iter().zip(q) {
         let d = p.sqrt() - (q + epsilon).sqrt();
         numerator += d * d;
-        denominator += 0.5 + (q - 0.5).hypot(epsilon);
+        denominator += 0.5 + modulus(q - 0.5, epsilon);
     }
     let f = (numerator / denominator).sqrt(); // eq. (8)
     let mut derivative = [0.0; BINS];
@@ -77,7 +78,7 @@ pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumu
             } else {
                 0.0
             };
-            let spread = (q - 0.5).hypot(epsilon);
+            let spread = modulus(q - 0.5, epsilon);
             let d_denominator = if spread > 0.0 {
                 (q - 0.5) / spread
             } else {

@@ -4,13 +4,15 @@ use super::region::Regions;
 
 /// `[object, background]` means of `l`.
 pub(super) fn means(l: &[f64], regions: &Regions) -> [f64; 2] {
-    let mut sums = [0.0; 2];
-    for (&l, &object) in l.iter().zip(regions.mask()) {
-        sums[usize::from(!object)] += l;
+    // Two sums by selection, not by index: they stay in registers.
+    let (mut object, mut background) = (0.0, 0.0);
+    for (&l, &on_object) in l.iter().zip(regions.mask()) {
+        object += if on_object { l } else { 0.0 };
+        background += if on_object { 0.0 } else { l };
     }
     [
-        sums[0] / regions.n_object(),
-        sums[1] / regions.n_background(),
+        object / regions.n_object(),
+        background / regions.n_background(),
     ]
 }
 

@@ -76,7 +76,7 @@ impl Smoothing {
 
     /// `h(r)` and `h'(r)`; with δ = 0, |r| with slope 0 at its kink.
     pub(super) fn absolute(&self, r: f64) -> (f64, f64) {
-        let root = r.hypot(self.delta);
+        let root = modulus(r, self.delta);
         (root - self.delta, if root > 0.0 { r / root } else { 0.0 })
     }
 
@@ -90,6 +90,11 @@ impl Smoothing {
         };
         (root - self.eta, slope)
     }
+}
+
+/// `√(x²+ε²)`; exactly |x| for ε = 0, since the root of a rounded square rounds back.
+pub(super) fn modulus(x: f64, epsilon: f64) -> f64 {
+    (x * x + epsilon * epsilon).sqrt()
 }
 
 #[cfg(test)]

@@ -7,15 +7,15 @@ use super::region::Regions;
 
 /// `[object, background]` population variances of `l`, in two passes.
 pub(super) fn variances(l: &[f64], means: [f64; 2], regions: &Regions) -> [f64; 2] {
-    let mut sums = [0.0; 2];
-    for (&l, &object) in l.iter().zip(regions.mask()) {
-        let region = usize::from(!object);
-        let d = l - means[region];
-        sums[region] += d * d;
+    let (mut object, mut background) = (0.0, 0.0);
+    for (&l, &on_object) in l.iter().zip(regions.mask()) {
+        let d = l - if on_object { means[0] } else { means[1] };
+        object += if on_object { d * d } else { 0.0 };
+        background += if on_object { 0.0 } else { d * d };
     }
     [
-        sums[0] / regions.n_object(),
-        sums[1] / regions.n_background(),
+        object / regions.n_object(),
+        background / regions.n_background(),
     ]
 }
 
