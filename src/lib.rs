@@ -13,7 +13,9 @@
 //! - \[Thompson86\] I. Thompson, A. Barnett, *Coulomb and Bessel Functions of Complex Arguments
 //!   and Order*, J. Comput. Phys. 64, 1986 (the modified Lentz algorithm).
 
+pub mod audit;
 pub mod embree;
+pub mod film;
 pub mod math;
 pub mod objective;
 pub mod optim;

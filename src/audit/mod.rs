@@ -1,0 +1,3 @@
+//! The record of a run: files that appear whole or not at all.
+
+pub mod atomic;

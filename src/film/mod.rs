@@ -1,0 +1,4 @@
+//! Pictures and the files they live in.
+
+pub mod exr;
+pub mod image_file;
