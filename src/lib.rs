@@ -14,6 +14,7 @@
 //!   and Order*, J. Comput. Phys. 64, 1986 (the modified Lentz algorithm).
 
 pub mod audit;
+pub mod cli;
 pub mod embree;
 pub mod film;
 pub mod math;

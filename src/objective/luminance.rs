@@ -18,7 +18,7 @@ pub fn luminance(rgb: [f32; 3]) -> f64 {
 }
 
 /// How linear luminance becomes the `l` of the terms.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LuminanceMode {
     /// sRGB-encoded, as a display shows it; the published values are of this kind.
