@@ -1,2 +1,20 @@
-//! Command-line entry point.
-fn main() {}
+//! Command-line entry point. Exit codes: 0 done, 1 failed, 2 usage.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::Parser;
+use lightopt_embree::cli::{Cli, run};
+
+fn main() -> ExitCode {
+    // Usage errors and --help end here, with 2 and 0.
+    let cli = Cli::parse();
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // Not `eprintln!`, which panics when standard error is closed.
+            let _ = writeln!(std::io::stderr(), "error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -8,8 +8,8 @@
 //! are added in sample order (f64), splats in fixed point (u64), whose sum
 //! does not depend on the order.
 
-// pub mod exr;
-// pub mod image_file;
+pub mod exr;
+pub mod image_file;
 mod rgb;
 mod splat;
 

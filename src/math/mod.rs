@@ -1,5 +1,6 @@
 //! The ground floor: colour, frames, densities, warps and statistics.
 
+pub mod display;
 pub mod frame;
 pub mod hash;
 pub mod pdf;

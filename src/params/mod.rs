@@ -10,7 +10,7 @@ pub mod survey;
 use serde::Serialize;
 
 use crate::{
-    objective::luminance::{eotf_srgb, oetf_srgb},
+    math::display::{eotf_srgb, oetf_srgb},
     scene::Scene,
 };
 

@@ -15,7 +15,7 @@ use glam::UVec2;
 use super::{ParamVector, Scale, Variable, VariableKind, bounds};
 use crate::{
     film::Picture,
-    objective::luminance::{LuminanceMode, luminance},
+    math::display::{LuminanceMode, luminance},
     scene::{Scene, sidecar::FreeKind, sidecar::FreeVariables},
 };
 

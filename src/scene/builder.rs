@@ -15,9 +15,9 @@ use super::{
 use crate::{
     camera::Camera,
     embree::EmbreeError,
+    files::{nearest, toml_file::TomlError},
     light::{Cone, Light, Outline, Planar, Shape, SizeDensity, Sphere, look_frame},
     math::{Rgb, luminance},
-    toml_file::{TomlError, nearest},
 };
 
 /// A scene could not be loaded.

@@ -255,7 +255,7 @@ impl Sidecar {
     /// # Errors
     /// With file, line and the nearest known key.
     pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
-        let sidecar: Self = crate::toml_file::parse(path, text)?;
+        let sidecar: Self = crate::files::toml_file::parse(path, text)?;
         if sidecar.schema != SCHEMA {
             return Err(SceneError::Key {
                 path: path.to_path_buf(),

@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use super::nearest;
+
 /// A TOML file does not say what it should.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}:{line}: {message}", path = path.display())]
@@ -40,27 +42,6 @@ fn explain(message: &str) -> String {
     }
 }
 
-/// The candidate with the smallest edit distance to `name`.
-pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    candidates.into_iter().min_by_key(|c| edit_distance(&name.to_lowercase(), &c.to_lowercase()))
-}
-
-/// Levenshtein distance.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substitute = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substitute.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,12 +58,5 @@ mod tests {
         let e = parse::<Example>(Path::new("a.toml"), "\n\nraduis = 1.0\n").unwrap_err().to_string();
         assert!(e.starts_with("a.toml:3:"), "{e}");
         assert!(e.contains("`raduis`; did you mean `radius`?"), "{e}");
-    }
-
-    #[test]
-    fn distances() {
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(nearest("Table", ["wall", "table_top", "table"]), Some("table"));
     }
 }

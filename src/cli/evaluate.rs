@@ -1,0 +1,246 @@
+//! `evaluate`: measures a finished picture against a target.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::{LuminanceArg, parse_exposure, print};
+use crate::film::exr::{ExrImage, read_exr};
+use crate::film::image_file::{
+    LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
+};
+use crate::objective::{Evaluation, LuminanceMode, Objective, Target, Term};
+
+/// Measure a picture against a target and print f_q with its six terms
+///
+/// Each term compares a measured value with its target: f = |value - target| /
+/// max(target, 1 - target), so 0 is a hit and 1 the worst possible miss (grad may exceed it).
+/// f_q is their weighted sum; lower is better. meanObj and meanBack are mean brightnesses of
+/// the main object and of the rest, varObj and varBack standard deviations there, grad is the
+/// object's root mean squared brightness gradient, and hist the distance of the whole
+/// picture's cumulated histogram to the target's signature. Brightness runs from 0 (black)
+/// to 1 (display white).
+///
+/// EXR pictures written by this program bring target, mask, exposure and luminance mode;
+/// options override them. Any other picture needs --target and --mask.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree evaluate runs/still-high-key/final.exr\n  \
+    lightopt-embree evaluate photo.png --mask object.png --target low-key --json")]
+pub struct EvaluateArgs {
+    /// Picture to measure: EXR (linear), or PNG, JPEG, TIFF (sRGB)
+    #[arg(value_name = "IMAGE")]
+    pub image: PathBuf,
+
+    /// Built-in target (high-key, low-key) or path of a target file (TOML)
+    #[arg(long, value_name = "NAME|FILE")]
+    pub target: Option<String>,
+
+    /// Mask of the main object, of the picture's size: white on the object (PNG or EXR)
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
+
+    /// Factor on linear radiance before display: 2 is one stop brighter [default: as stored, else 1]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    pub exposure: Option<f64>,
+
+    /// Which brightness is measured [default: as stored, else srgb]
+    #[arg(long, value_enum)]
+    pub luminance: Option<LuminanceArg>,
+
+    /// Print one JSON object in full precision instead of a table
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What our EXR pictures store for their evaluation; other keys are for others.
+#[derive(Debug, Default, Deserialize)]
+struct Stored {
+    exposure: Option<f64>,
+    luminance: Option<LuminanceMode>,
+    target: Option<Value>,
+    f_q: Option<f64>,
+}
+
+/// A picture with all that is needed to measure it.
+struct Subject {
+    picture: LinearImage,
+    mask: MaskImage,
+    target: Target,
+    exposure: f64,
+    luminance: LuminanceMode,
+    /// f_q as the file records it, when nothing overrides what it refers to.
+    recorded: Option<f64>,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When a file cannot be read or does not fit, or something needed is not known.
+pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
+    // A wrong target name should not wait for a large picture.
+    let target = args.target.as_deref().map(Target::resolve).transpose()?;
+    let subject = load(args, target)?;
+    let evaluation = measure(&subject, &args.image)?;
+    if args.json {
+        print(&format!("{:#}\n", to_json(&subject, &evaluation)))
+    } else {
+        print(&to_table(&subject, &evaluation, &args.image))
+    }
+}
+
+fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> {
+    let path = args.image.as_path();
+    let exr = if is_exr(path)? {
+        Some(read_exr(path)?)
+    } else {
+        None
+    };
+    let picture = match &exr {
+        Some(exr) => exr_beauty(path, exr)?,
+        None => read_image(path)?,
+    };
+    let stored = exr
+        .as_ref()
+        .map(|exr| stored(path, exr))
+        .transpose()?
+        .unwrap_or_default();
+    let target = match (target, &stored.target) {
+        (Some(target), _) => target,
+        (None, Some(value)) => Target::from_value(value)
+            .with_context(|| format!("{}: stored target", path.display()))?,
+        (None, None) => bail!(
+            "{}: the picture stores no target; name one with --target (high-key, low-key or a \
+             TOML file)",
+            path.display()
+        ),
+    };
+    let mask = match (&args.mask, &exr) {
+        (Some(mask), _) => read_mask(mask)?,
+        (None, Some(exr)) if stored_mask(exr).is_some() => exr_mask(path, exr)?,
+        (None, _) => bail!(
+            "{}: the picture stores no mask of the main object; give one with --mask",
+            path.display()
+        ),
+    };
+    ensure!(
+        (mask.width, mask.height) == (picture.width, picture.height),
+        "{}: the mask has {} x {} pixels, the picture {} x {}; they must be of one size",
+        args.mask.as_deref().unwrap_or(path).display(),
+        mask.width,
+        mask.height,
+        picture.width,
+        picture.height
+    );
+    let as_recorded = args.target.is_none()
+        && args.mask.is_none()
+        && args.exposure.is_none()
+        && args.luminance.is_none();
+    Ok(Subject {
+        picture,
+        mask,
+        target,
+        exposure: args.exposure.or(stored.exposure).unwrap_or(1.0),
+        luminance: args
+            .luminance
+            .map(Into::into)
+            .or(stored.luminance)
+            .unwrap_or_default(),
+        recorded: stored.f_q.filter(|_| as_recorded),
+    })
+}
+
+fn stored(path: &Path, exr: &ExrImage) -> anyhow::Result<Stored> {
+    let Some(value) = &exr.lightopt else {
+        return Ok(Stored::default());
+    };
+    let what = || format!("{}: attribute `lightopt`", path.display());
+    let stored = Stored::deserialize(value).with_context(what)?;
+    if let Some(exposure) = stored.exposure {
+        ensure!(
+            exposure > 0.0,
+            "{}: exposure must be above 0, got {exposure}",
+            what()
+        );
+    }
+    Ok(stored)
+}
+
+fn measure(subject: &Subject, path: &Path) -> anyhow::Result<Evaluation> {
+    let LinearImage { width, height, rgb } = &subject.picture;
+    let l = subject.luminance.encode_image(rgb, subject.exposure);
+    if let Some(i) = l.iter().position(|l| l.is_nan()) {
+        let (x, y) = (i % width, i / width);
+        bail!(
+            "{}: the pixel at column {x}, row {y} is not a number",
+            path.display()
+        );
+    }
+    let objective = Objective::new(&subject.target, *width, *height, &subject.mask.object)
+        .with_context(|| path.display().to_string())?;
+    Ok(objective.evaluate(&l))
+}
+
+fn to_json(subject: &Subject, evaluation: &Evaluation) -> Value {
+    let mut value = json!({
+        "f_q": evaluation.f_q,
+        "terms": evaluation,
+        "target": subject.target.name(),
+        "exposure": subject.exposure,
+        "luminance": subject.luminance,
+    });
+    value["terms"] = value["terms"]["terms"].take();
+    if let Some(recorded) = subject.recorded {
+        value["f_q_recorded"] = json!(recorded);
+    }
+    value
+}
+
+fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
+    let object = subject.mask.object.iter().filter(|&&o| o).count();
+    let mut text = format!(
+        "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, {} luminance\n\n",
+        path.display(),
+        subject.picture.width,
+        subject.picture.height,
+        100.0 * object as f64 / subject.mask.object.len() as f64,
+        subject.target.name(),
+        subject.exposure,
+        match subject.luminance {
+            LuminanceMode::Srgb => "sRGB-encoded",
+            LuminanceMode::Linear => "linear",
+        },
+    );
+    let signature = subject.target.signature().name();
+    let wide = signature.chars().count().max(8);
+    // Writing to a String does not fail.
+    let _ = writeln!(
+        text,
+        "{:<9} {:>8}  {:>wide$}  {:>8}  {:>6}  {:>10}",
+        "term", "value", "target", "f", "weight", "weight * f"
+    );
+    for t in &evaluation.terms {
+        let target = match t.term {
+            Term::Hist => signature.to_owned(),
+            _ => format!("{:.6}", t.target),
+        };
+        let _ = writeln!(
+            text,
+            "{:<9} {:>8.6}  {target:>wide$}  {:>8.6}  {:>6.3}  {:>10.6}",
+            t.term.name(),
+            t.value,
+            t.f,
+            t.weight,
+            t.contribution()
+        );
+    }
+    let _ = writeln!(text, "f_q {:>1$.6}", evaluation.f_q, wide + 46);
+    if let Some(recorded) = subject.recorded {
+        let _ = writeln!(text, "\nrecorded in the file: f_q {recorded:.6}");
+    }
+    text
+}

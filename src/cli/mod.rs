@@ -1,0 +1,87 @@
+//! The command line: one file a subcommand.
+
+pub mod evaluate;
+
+use std::io::{self, Write};
+
+use anyhow::Context;
+use clap::{Parser, Subcommand, ValueEnum};
+
+use crate::objective::LuminanceMode;
+
+/// Automatic, aesthetics-driven lighting design with global illumination.
+#[derive(Debug, Parser)]
+#[command(name = "lightopt-embree", version, about, propagate_version = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Evaluate(evaluate::EvaluateArgs),
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// Whatever stops it; `{:#}` prints the whole chain on one line.
+pub fn run(cli: &Cli) -> anyhow::Result<()> {
+    match &cli.command {
+        Command::Evaluate(args) => evaluate::evaluate(args),
+    }
+}
+
+/// [`LuminanceMode`] as an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LuminanceArg {
+    /// sRGB-encoded, as a display shows it: what the published values refer to
+    Srgb,
+    /// Linear radiance, clamped to [0, 1]
+    Linear,
+}
+
+impl From<LuminanceArg> for LuminanceMode {
+    fn from(arg: LuminanceArg) -> Self {
+        match arg {
+            LuminanceArg::Srgb => Self::Srgb,
+            LuminanceArg::Linear => Self::Linear,
+        }
+    }
+}
+
+/// Parses an exposure: a finite number above 0.
+fn parse_exposure(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("must be a number above 0".to_owned()),
+    }
+}
+
+/// Writes `text` to standard output; a reader that has gone away (as `head`) is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("cannot write to standard output"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn exposures_are_positive_numbers() {
+        assert_eq!(parse_exposure("0.5"), Ok(0.5));
+        for bad in ["0", "-1", "nan", "inf", "x", ""] {
+            assert!(parse_exposure(bad).is_err(), "{bad}");
+        }
+    }
+}

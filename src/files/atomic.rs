@@ -1,0 +1,193 @@
+//! Files that appear whole or not at all.
+//!
+//! The content goes to a temporary file beside the destination, is synced, and takes the
+//! destination's name in one step; a reader, or a run killed half-way, sees the old file
+//! or the new one, never a part.
+
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::process;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use thiserror::Error;
+
+/// A file could not be brought to its place.
+#[derive(Debug, Error)]
+#[error("{path}: cannot {action}", path = .path.display())]
+pub struct AtomicWriteError {
+    /// The destination.
+    pub path: PathBuf,
+    /// The step that failed.
+    pub action: &'static str,
+    /// Why.
+    #[source]
+    pub source: io::Error,
+}
+
+/// Distinguishes the temporary files of one process.
+static COUNTER: AtomicU64 = AtomicU64::new(0);
+
+/// Removes the temporary file unless it has become the destination; also when `write` panics.
+struct Temporary {
+    path: PathBuf,
+    armed: bool,
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if self.armed {
+            // Nothing more can be done about a failure here; the first error is reported.
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Writes `path` through `write`, whole or not at all; an existing file is replaced.
+///
+/// # Errors
+/// What `write` returns, or the step that failed. The destination is then as before and
+/// no temporary file remains.
+pub fn write_atomically<T, E>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,
+) -> Result<T, E>
+where
+    E: From<AtomicWriteError>,
+{
+    let fail = |action| {
+        let path = path.to_owned();
+        move |source| AtomicWriteError {
+            path,
+            action,
+            source,
+        }
+    };
+    let Some(name) = path.file_name() else {
+        let source = io::Error::new(io::ErrorKind::InvalidInput, "the path names no file");
+        return Err(fail("create the file")(source).into());
+    };
+    let directory = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut temporary_name = OsString::from(".");
+    temporary_name.push(name);
+    let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+    temporary_name.push(format!(".{}-{count}.tmp", process::id()));
+    let temporary_path = directory.join(temporary_name);
+
+    let file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(&temporary_path)
+        .map_err(fail("create the file"))?;
+    let mut temporary = Temporary {
+        path: temporary_path,
+        armed: true,
+    };
+    let mut writer = BufWriter::new(file);
+    let result = write(&mut writer)?;
+    writer.flush().map_err(fail("write the file"))?;
+    writer
+        .get_ref()
+        .sync_all()
+        .map_err(fail("write the file to disk"))?;
+    drop(writer);
+    fs::rename(&temporary.path, path).map_err(fail("put the file in its place"))?;
+    temporary.armed = false;
+    sync_directory(directory).map_err(fail("write the directory to disk"))?;
+    Ok(result)
+}
+
+/// Makes the new name survive a power cut.
+#[cfg(unix)]
+fn sync_directory(directory: &Path) -> io::Result<()> {
+    File::open(directory)?.sync_all()
+}
+
+#[cfg(not(unix))]
+fn sync_directory(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(directory: &Path) -> Vec<String> {
+        let mut names: Vec<String> = fs::read_dir(directory)
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[derive(Debug, Error)]
+    enum TestError {
+        #[error(transparent)]
+        Atomic(#[from] AtomicWriteError),
+        #[error("own")]
+        Own,
+    }
+
+    #[test]
+    fn the_file_appears_only_when_whole_and_replaces_the_old_one() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.txt");
+        for content in ["first", "second, longer", "3"] {
+            let before = fs::read(&path).ok();
+            write_atomically::<_, TestError>(&path, |file| {
+                file.write_all(content.as_bytes()).unwrap();
+                file.flush().unwrap();
+                assert_eq!(fs::read(&path).ok(), before);
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), content);
+        }
+        assert_eq!(names(directory.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_failed_or_panicking_writer_leaves_the_old_file_and_nothing_else() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let failed = write_atomically::<(), _>(&path, |file| {
+            file.write_all(b"half").unwrap();
+            Err(TestError::Own)
+        });
+        assert!(matches!(failed, Err(TestError::Own)));
+        let panicked = std::panic::catch_unwind(|| {
+            let _ = write_atomically::<(), TestError>(&path, |_| panic!("on purpose"));
+        });
+        assert!(panicked.is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(names(directory.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn impossible_destinations_are_errors_that_name_the_path() {
+        let directory = tempfile::tempdir().unwrap();
+        let never = |_: &mut BufWriter<File>| Ok::<(), TestError>(());
+        for path in [
+            directory.path().join("no/such/a.txt"),
+            directory.path().join(".."),
+        ] {
+            let error = write_atomically(&path, never).unwrap_err();
+            assert!(
+                error.to_string().contains(&*path.to_string_lossy()),
+                "{error}"
+            );
+        }
+        // A directory in the place of the file.
+        let path = directory.path().join("d");
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join("x"), "").unwrap();
+        assert!(write_atomically(&path, never).is_err());
+        assert_eq!(names(directory.path()), ["d"]);
+    }
+}

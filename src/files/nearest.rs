@@ -1,0 +1,31 @@
+//! "Did you mean …?"
+
+/// The candidate closest to `word`, when one is close enough to be meant.
+#[must_use]
+pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // 0.7: typing errors in words of this length stay above, unrelated words below.
+    const MEANT: f64 = 0.7;
+    let lower = word.to_lowercase();
+    let mut best: Option<(f64, &str)> = None;
+    for candidate in candidates {
+        let score = strsim::jaro_winkler(&lower, &candidate.to_lowercase());
+        if score >= MEANT && best.is_none_or(|(b, _)| score > b) {
+            best = Some((score, candidate));
+        }
+    }
+    best.map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::nearest;
+
+    #[test]
+    fn slips_are_recognised_and_strangers_are_not() {
+        let known = ["t_meanObj", "t_meanBack", "weights", "signature"];
+        assert_eq!(nearest("t_meanobj", known), Some("t_meanObj"));
+        assert_eq!(nearest("t_mean_back", known), Some("t_meanBack"));
+        assert_eq!(nearest("wieghts", known), Some("weights"));
+        assert_eq!(nearest("qq", known), None);
+    }
+}

@@ -1,0 +1,7 @@
+//! Tests of the program as its users meet it.
+
+// Helpers outside #[test] functions may panic too.
+#![allow(clippy::unwrap_used)]
+
+mod evaluate;
+mod exr_bytes;
