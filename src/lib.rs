@@ -17,6 +17,7 @@ pub mod audit;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;
+pub mod design;
 pub mod embree;
 pub mod files;
 pub mod film;

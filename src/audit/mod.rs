@@ -1,1 +1,179 @@
-//! The record of a run.
+//! The run directory: an auditable record of what was done and found.
+//!
+//! ```text
+//! RUN/
+//!   run.toml            everything resolved: scene, options, seed, variables with bounds, versions
+//!   evaluations.jsonl   a line per evaluation: x, f_q and its error, every term, |gradient|, renders
+//!   iterations.jsonl    those evaluations that improved on the best so far
+//!   timing.jsonl        seconds, apart from the above
+//!   iter_0000.exr …     a picture per iteration, see [`picture`]
+//!   initial.exr initial.png final.exr final.png
+//!   lights.toml         the lights found; `render --lights` takes it
+//! ```
+//!
+//! All but `timing.jsonl` are the same bytes for the same scene, options and
+//! seed. Pictures and TOML files appear whole or not at all; a log grows by
+//! whole lines, so that a killed run leaves a readable one.
+
+pub mod lights;
+pub mod picture;
+
+use std::{
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use serde_json::Value;
+
+use crate::files::{atomic::AtomicWriteError, write_atomically};
+
+/// The file that makes a directory a run directory.
+pub const MANIFEST: &str = "run.toml";
+
+/// A run cannot be recorded.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum AuditError {
+    #[error("{path}: a run is recorded here already; choose another --out, or replace it with --force", path = path.display())]
+    Exists { path: PathBuf },
+    #[error("{path}: not empty and not a run directory; choose another --out", path = path.display())]
+    NotARun { path: PathBuf },
+    #[error("{path}: cannot {action}", path = path.display())]
+    Io { path: PathBuf, action: &'static str, source: io::Error },
+    #[error(transparent)]
+    Write(#[from] AtomicWriteError),
+    #[error(transparent)]
+    Exr(#[from] crate::film::exr::ExrError),
+    #[error(transparent)]
+    Image(#[from] crate::film::image_file::ImageFileError),
+}
+
+/// An open run directory.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    evaluations: File,
+    iterations: File,
+    timing: File,
+    n_iterations: usize,
+}
+
+impl RunDir {
+    /// Checks that a run may be recorded at `path`, without touching it.
+    ///
+    /// # Errors
+    /// When something is there that `force` does not allow to replace.
+    pub fn check(path: &Path, force: bool) -> Result<(), AuditError> {
+        let is_empty = match fs::read_dir(path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(source) => return Err(AuditError::Io { path: path.into(), action: "read the directory", source }),
+            Ok(mut entries) => entries.next().is_none(),
+        };
+        let is_run = path.join(MANIFEST).exists();
+        match (is_empty, is_run, force) {
+            (true, _, _) | (_, true, true) => Ok(()),
+            (_, true, false) => Err(AuditError::Exists { path: path.into() }),
+            _ => Err(AuditError::NotARun { path: path.into() }),
+        }
+    }
+
+    /// Makes the directory, or empties it of an earlier run's files.
+    ///
+    /// # Errors
+    /// As [`Self::check`], or when the directory cannot be written.
+    pub fn create(path: &Path, force: bool, manifest: &str) -> Result<Self, AuditError> {
+        Self::check(path, force)?;
+        let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
+        fs::create_dir_all(path).map_err(fail("make the directory"))?;
+        for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
+            let entry = entry.map_err(fail("read the directory"))?;
+            if is_ours(&entry.file_name().to_string_lossy()) {
+                fs::remove_file(entry.path()).map_err(fail("remove the earlier run"))?;
+            }
+        }
+        write_text(&path.join(MANIFEST), manifest)?;
+        let log = |name: &str| {
+            let path = path.join(name);
+            OpenOptions::new()
+                .create(true)
+                .append(true)
+                .open(&path)
+                .map_err(|source| AuditError::Io { path, action: "open the log", source })
+        };
+        Ok(Self {
+            evaluations: log("evaluations.jsonl")?,
+            iterations: log("iterations.jsonl")?,
+            timing: log("timing.jsonl")?,
+            path: path.into(),
+            n_iterations: 0,
+        })
+    }
+
+    /// The directory.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Appends an evaluation.
+    ///
+    /// # Errors
+    /// When the log cannot be written.
+    pub fn log_evaluation(&mut self, line: &Value) -> Result<(), AuditError> {
+        append(&mut self.evaluations, &self.path.join("evaluations.jsonl"), line)
+    }
+
+    /// Appends a timing.
+    ///
+    /// # Errors
+    /// When the log cannot be written.
+    pub fn log_timing(&mut self, line: &Value) -> Result<(), AuditError> {
+        append(&mut self.timing, &self.path.join("timing.jsonl"), line)
+    }
+
+    /// Records an evaluation that improved on the best so far, with its picture.
+    ///
+    /// # Errors
+    /// When the picture or the log cannot be written.
+    pub fn log_iteration(&mut self, line: &Value, exr: &crate::film::exr::ExrImage) -> Result<(), AuditError> {
+        let name = format!("iter_{:04}.exr", self.n_iterations);
+        crate::film::exr::write_exr(&self.path.join(name), exr)?;
+        self.n_iterations += 1;
+        append(&mut self.iterations, &self.path.join("iterations.jsonl"), line)
+    }
+}
+
+/// Whether a file name is one that a run writes.
+fn is_ours(name: &str) -> bool {
+    const NAMES: [&str; 9] = [
+        MANIFEST,
+        "evaluations.jsonl",
+        "iterations.jsonl",
+        "timing.jsonl",
+        "initial.exr",
+        "initial.png",
+        "final.exr",
+        "final.png",
+        "lights.toml",
+    ];
+    let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));
+    NAMES.contains(&name) || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+}
+
+fn append(file: &mut File, path: &Path, line: &Value) -> Result<(), AuditError> {
+    // One write: a line is there whole or not at all.
+    file.write_all(format!("{line}\n").as_bytes())
+        .map_err(|source| AuditError::Io { path: path.into(), action: "append to the log", source })
+}
+
+/// Writes a text file, whole or not at all.
+///
+/// # Errors
+/// When the destination is impossible.
+pub fn write_text(path: &Path, text: &str) -> Result<(), AuditError> {
+    write_atomically(path, |file| {
+        file.write_all(text.as_bytes())
+            .map_err(|source| AuditError::Io { path: path.into(), action: "write the file", source })
+    })
+}

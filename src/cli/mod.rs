@@ -1,6 +1,10 @@
 //! The command line: one file a subcommand.
 
+mod common;
 pub mod evaluate;
+mod progress;
+pub mod render;
+pub mod run;
 
 use std::io::{self, Write};
 
@@ -19,6 +23,8 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Run(run::RunArgs),
+    Render(render::RenderArgs),
     Evaluate(evaluate::EvaluateArgs),
 }
 
@@ -28,6 +34,8 @@ enum Command {
 /// Whatever stops it; `{:#}` prints the whole chain on one line.
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
+        Command::Run(args) => run::run(args),
+        Command::Render(args) => render::render(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
     }
 }

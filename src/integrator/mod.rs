@@ -5,6 +5,7 @@
 //! not block, Russian roulette that never biases. Every light-carrying
 //! contribution goes to a [`Recorder`] with its light and size coordinate.
 
+pub mod aov;
 pub mod bdpt;
 pub mod path;
 

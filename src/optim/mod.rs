@@ -8,6 +8,7 @@
 //! \[Nocedal80\] limited-memory BFGS; NLopt's implementation is Lukšan's, with an active set
 //! for the bounds.
 
+pub mod difference;
 mod nlopt;
 
 use std::fmt;

@@ -119,6 +119,27 @@ fn gain_for(y: &[f64], target: f64, exposure: f64, mode: LuminanceMode) -> f64 {
     hi.exp2()
 }
 
+/// Display-referred brightness of a start in which all lights contribute alike.
+struct Alike {
+    images: Vec<Vec<f64>>,
+    means: Vec<f64>,
+    /// Radiance of light l: `gain / means[l]`.
+    gain: f64,
+}
+
+impl Alike {
+    fn new(scene: &Scene, unit: &Picture, mode: LuminanceMode) -> Self {
+        let images: Vec<Vec<f64>> =
+            unit.lights.iter().map(|l| l.iter().map(|&rgb| luminance(rgb)).collect()).collect();
+        let means: Vec<f64> = images.iter().map(|y| y.iter().sum::<f64>() / y.len() as f64).collect();
+        let alike: Vec<f64> = (0..unit.rgb.len())
+            .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
+            .collect();
+        let gain = gain_for(&alike, START, f64::from(scene.exposure), mode);
+        Self { images, means, gain }
+    }
+}
+
 /// The variables of a run.
 ///
 /// * `unit`: a render with every light at radiance 1 and its fitted size
@@ -134,16 +155,10 @@ pub fn variables(
     mode: LuminanceMode,
 ) -> Result<ParamVector, SurveyError> {
     let e = f64::from(scene.exposure);
-    let images: Vec<Vec<f64>> =
-        unit.lights.iter().map(|l| l.iter().map(|&rgb| luminance(rgb)).collect()).collect();
-    let means: Vec<f64> = images.iter().map(|y| y.iter().sum::<f64>() / y.len() as f64).collect();
+    let Alike { images, means, gain } = Alike::new(scene, unit, mode);
     if let Some(i) = means.iter().position(|&m| m <= 0.0) {
         return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
     }
-    let alike: Vec<f64> = (0..images[0].len())
-        .map(|p| images.iter().zip(&means).map(|(y, m)| y[p] / m).sum())
-        .collect();
-    let gain = gain_for(&alike, START, e, mode);
     let mut variables = Vec::new();
     for (i, light) in scene.lights.iter().enumerate() {
         let limits = &scene.light_bounds[i];

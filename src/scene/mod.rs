@@ -66,6 +66,10 @@ pub struct Scene {
 pub struct SurfaceHit<'a> {
     /// Ray parameter.
     pub t: f32,
+    /// Texture coordinates.
+    pub uv: Vec2,
+    /// Index of the material.
+    pub material: u32,
     /// The surface.
     pub si: SurfaceInteraction<'a>,
 }
@@ -119,9 +123,16 @@ impl Scene {
             .unwrap_or(ng);
         let ng = if ng.dot(ns) < 0.0 { -ng } else { ng };
         let uv: Vec2 = self.mesh.uvs[i] * w + self.mesh.uvs[j] * u + self.mesh.uvs[k] * v;
-        let bsdf = self.materials[self.mesh.materials[triangle] as usize].bsdf(uv);
+        let material = self.mesh.materials[triangle];
+        let bsdf = self.materials[material as usize].bsdf(uv);
         let si = SurfaceInteraction { p, ng, frame: Frame::from_normal(ns), bsdf, triangle: hit.prim };
-        Some(SurfaceHit { t: hit.t, si })
+        Some(SurfaceHit { t: hit.t, uv, material, si })
+    }
+
+    /// Base colour of the surface hit, background value included.
+    #[must_use]
+    pub fn base_color(&self, hit: &SurfaceHit) -> crate::math::Rgb {
+        self.materials[hit.material as usize].color(hit.uv)
     }
 
     /// Whether the open segment from `from` to `to` meets no surface. Both

@@ -1,0 +1,146 @@
+//! `lights.toml`: a lighting, to be rendered again.
+//!
+//! ```toml
+//! schema = 1
+//! exposure = 1.0
+//!
+//! [background]
+//! value = 0.4
+//!
+//! [[lights]]
+//! name = "key"
+//! radiance = 12.5
+//! size = 0.8
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    files::{nearest, toml_file::TomlError},
+    scene::Scene,
+};
+
+/// Version of the format.
+const SCHEMA: u32 = 1;
+
+/// A lighting of a scene.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lighting {
+    /// Must be 1.
+    pub schema: u32,
+    /// Factor on luminance before display encoding; the scene's when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exposure: Option<f32>,
+    /// The background's value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub background: Option<Background>,
+    /// Lights by name; others keep what the scene gives them.
+    #[serde(default)]
+    pub lights: Vec<LightSetting>,
+}
+
+/// `[background]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Background {
+    /// Factor on the base colour of the background materials.
+    pub value: f32,
+}
+
+/// `[[lights]]`.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct LightSetting {
+    /// Name of the light in the scene.
+    pub name: String,
+    /// Radiance L.
+    pub radiance: f32,
+    /// Size s; the scene's when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<f32>,
+}
+
+/// A lighting does not fit.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum LightingError {
+    #[error("{path}: cannot read the lighting", path = path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error(transparent)]
+    Toml(#[from] TomlError),
+    #[error("{path}: `{key}`: {message}", path = path.display())]
+    Key { path: PathBuf, key: String, message: String },
+}
+
+impl Lighting {
+    /// The present lighting of a scene with the given background value.
+    #[must_use]
+    pub fn of(scene: &Scene, background: Option<f32>) -> Self {
+        Self {
+            schema: SCHEMA,
+            exposure: Some(scene.exposure),
+            background: background.map(|value| Background { value }),
+            lights: scene
+                .lights
+                .iter()
+                .map(|l| LightSetting {
+                    name: l.name.clone(),
+                    radiance: l.radiance,
+                    size: l.has_size().then_some(l.size),
+                })
+                .collect(),
+        }
+    }
+
+    /// Reads a lighting.
+    ///
+    /// # Errors
+    /// With file, line and what is allowed.
+    pub fn load(path: &Path) -> Result<Self, LightingError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| LightingError::Read { path: path.into(), source })?;
+        let lighting: Self = crate::files::toml_file::parse(path, &text)?;
+        if lighting.schema != SCHEMA {
+            let message = format!("this program reads version {SCHEMA}, the file says {}", lighting.schema);
+            return Err(LightingError::Key { path: path.into(), key: "schema".into(), message });
+        }
+        Ok(lighting)
+    }
+
+    /// Lights a scene; `path` is for messages.
+    ///
+    /// # Errors
+    /// With the key, when a name is unknown or a value outside its range.
+    pub fn apply(&self, scene: &mut Scene, path: &Path) -> Result<(), LightingError> {
+        let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
+        let require = |ok: bool, key: String, what: &str, value: f32| {
+            if ok { Ok(()) } else { Err(fail(key, format!("must be {what}, got {value}"))) }
+        };
+        for l in &self.lights {
+            let Some(i) = scene.lights.iter().position(|s| s.name == l.name) else {
+                let near = nearest(&l.name, scene.lights.iter().map(|s| s.name.as_str()));
+                let hint = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+                return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
+            };
+            let ok = l.radiance >= 0.0 && l.radiance.is_finite();
+            require(ok, format!("lights.{}.radiance", l.name), ">= 0", l.radiance)?;
+            let size = l.size.unwrap_or(scene.lights[i].size);
+            require(size > 0.0 && size.is_finite(), format!("lights.{}.size", l.name), "> 0", size)?;
+            scene.set_light(i, l.radiance, size);
+        }
+        if let Some(Background { value }) = self.background {
+            let albedo = scene.background.iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+            let ok = value >= 0.0 && value * albedo <= 1.0 + 1e-5;
+            require(ok, "background.value".into(), &format!("in [0, {}], for albedos up to 1", 1.0 / albedo), value)?;
+            scene.set_background_value(value, value);
+        }
+        if let Some(e) = self.exposure {
+            require(e > 0.0 && e.is_finite(), "exposure".into(), "> 0", e)?;
+            scene.exposure = e;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,44 @@
+//! Pictures of a run as EXR: part `rgb` (the beauty), `luminance` (`l`, as
+//! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`, and
+//! `light.NAME` for the share of each light.
+
+use serde_json::Value;
+
+use crate::{
+    film::{
+        Picture,
+        exr::{ExrImage, ExrPart},
+        image_file::{LinearImage, mask_part},
+    },
+    integrator::aov::Aovs,
+    math::display::LuminanceMode,
+};
+
+/// Assembles the parts; `attribute` becomes the `lightopt` attribute.
+#[must_use]
+pub fn exr(
+    picture: &Picture,
+    aovs: &Aovs,
+    light_names: &[&str],
+    exposure: f64,
+    luminance: LuminanceMode,
+    attribute: Value,
+) -> ExrImage {
+    let display = luminance.encode_image(&picture.rgb, exposure);
+    let mut parts = vec![
+        ExrPart::rgb("rgb", &picture.rgb),
+        ExrPart::single("luminance", "l", display.iter().map(|&l| l as f32).collect()),
+        mask_part(&aovs.mask),
+        ExrPart::rgb("albedo", &aovs.albedo),
+        ExrPart::triple("normal", ["X", "Y", "Z"], &aovs.normal),
+        ExrPart::single("depth", "Z", aovs.depth.clone()),
+    ];
+    parts.extend(light_names.iter().zip(&picture.lights).map(|(n, l)| ExrPart::rgb(format!("light.{n}"), l)));
+    ExrImage { width: picture.width, height: picture.height, parts, lightopt: Some(attribute) }
+}
+
+/// The beauty, for PNG.
+#[must_use]
+pub fn beauty(picture: &Picture) -> LinearImage {
+    LinearImage { width: picture.width, height: picture.height, rgb: picture.rgb.clone() }
+}

@@ -1,0 +1,127 @@
+//! Options that several subcommands share.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use glam::UVec2;
+
+use super::LuminanceArg;
+use crate::{
+    integrator::{Heuristic, Integrator, IntegratorKind},
+    sampler::SamplerKind,
+    scene::{self, Scene},
+};
+
+/// How light is simulated.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Light transport")]
+pub struct TransportArgs {
+    /// Bidirectional path tracing (the default): best for glossy scenes and small lights
+    #[arg(long, conflicts_with = "path")]
+    pub bdpt: bool,
+
+    /// Unidirectional path tracing: best for diffuse scenes with large lights
+    #[arg(long)]
+    pub path: bool,
+
+    /// Edges of the longest light path after the camera; 1 shows the lights only
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
+    pub max_depth: u8,
+
+    /// Sequence of sample points
+    #[arg(long, value_enum, default_value_t = SamplerKind::Sobol)]
+    pub sampler: SamplerKind,
+
+    /// Seed of all randomness: the same seed gives the same bytes
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+
+    /// Threads [default: all processors]; does not change the result
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+}
+
+impl TransportArgs {
+    /// The integrator asked for.
+    #[must_use]
+    pub fn integrator(&self) -> Integrator {
+        Integrator {
+            kind: if self.path { IntegratorKind::Path } else { IntegratorKind::Bdpt },
+            max_depth: usize::from(self.max_depth),
+            heuristic: Heuristic::Power,
+        }
+    }
+
+    /// Runs `f` on the threads asked for.
+    ///
+    /// # Errors
+    /// Those of `f`, or when threads cannot be made.
+    pub fn in_pool<T: Send>(&self, f: impl FnOnce() -> anyhow::Result<T> + Send) -> anyhow::Result<T> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.threads.map_or(0, usize::from))
+            .build()
+            .context("cannot start threads")?;
+        pool.install(f)
+    }
+}
+
+/// Parses `WxH`.
+///
+/// # Errors
+/// With what is allowed.
+pub fn parse_size(text: &str) -> Result<UVec2, String> {
+    let parsed = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)))
+        .filter(|s| s.min_element() >= 1 && s.max_element() <= 65_536);
+    parsed.ok_or_else(|| "must be WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
+}
+
+/// Parses a number of samples.
+///
+/// # Errors
+/// With what is allowed.
+pub fn parse_spp(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n @ 1..=1_048_576) => Ok(n),
+        _ => Err("must be a whole number from 1 to 1048576".to_owned()),
+    }
+}
+
+/// Loads a scene and prints what its loader noticed.
+///
+/// # Errors
+/// Those of [`scene::load`].
+pub fn load_scene(path: &Path, exposure: Option<f64>, say: impl Fn(&str)) -> anyhow::Result<Scene> {
+    let mut scene = scene::load(path)?;
+    for warning in &scene.warnings {
+        say(warning);
+    }
+    if let Some(e) = exposure {
+        scene.exposure = e as f32;
+    }
+    if scene.lights.is_empty() {
+        bail!("{}: the scene has no lights; add [[lights]] to its sidecar", path.display());
+    }
+    Ok(scene)
+}
+
+/// The measure of luminance asked for.
+#[must_use]
+pub fn luminance_mode(arg: Option<LuminanceArg>) -> crate::objective::LuminanceMode {
+    arg.map(Into::into).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_positive_numbers() {
+        assert_eq!(parse_size("64x48"), Ok(UVec2::new(64, 48)));
+        for bad in ["64", "0x4", "4x", "-1x4", "99999x4", "axb"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Progress of long work: bars on a terminal, plain lines elsewhere; always on
+//! standard error, so that standard output stays clean for `--json`.
+
+use std::{
+    io::{IsTerminal, Write},
+    sync::{
+        Mutex,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{
+    design::{Progress, Reporter},
+    integrator::Observer,
+};
+
+/// Set by the first Ctrl-C.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Makes Ctrl-C end the work in order; the second one ends the program.
+///
+/// # Errors
+/// When the handler cannot be installed.
+pub fn catch_interrupts() -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        let _ = writeln!(std::io::stderr(), "\ninterrupted: finishing with the best so far (again to quit at once)");
+    })
+}
+
+/// Shows progress.
+pub struct Console {
+    bar: Option<ProgressBar>,
+    stage: Mutex<Stage>,
+    rows: AtomicU64,
+}
+
+struct Stage {
+    name: String,
+    total: Option<u64>,
+    start: Instant,
+    /// Tenths already told on plain output.
+    told: u64,
+}
+
+impl Default for Console {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Console {
+    /// Bars when standard error is a terminal.
+    #[must_use]
+    pub fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(0);
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        });
+        let stage = Stage { name: String::new(), total: None, start: Instant::now(), told: 0 };
+        Self { bar, stage: Mutex::new(stage), rows: AtomicU64::new(0) }
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| {
+                let _ = writeln!(std::io::stderr(), "{text}");
+            }),
+            None => {
+                let _ = writeln!(std::io::stderr(), "{text}");
+            }
+        }
+    }
+}
+
+impl Observer for Console {
+    fn advance(&self, rows: u64) {
+        let done = self.rows.fetch_add(rows, Ordering::Relaxed) + rows;
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+            return;
+        }
+        let Ok(mut stage) = self.stage.try_lock() else { return };
+        let Some(total) = stage.total.filter(|&t| t > 0) else { return };
+        let tenths = 10 * done / total;
+        // Short stages are not worth a line a tenth.
+        if tenths > stage.told && tenths < 10 && stage.start.elapsed() > Duration::from_secs(5) {
+            stage.told = tenths;
+            let left = stage.start.elapsed().as_secs_f64() * (total as f64 / done as f64 - 1.0);
+            let text = format!("{}: {} %, {left:.0} s left", stage.name, 10 * tenths);
+            drop(stage);
+            self.line(&text);
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
+}
+
+impl Reporter for Console {
+    fn note(&self, text: &str) {
+        self.line(text);
+    }
+
+    fn stage(&self, name: &str, rows: Option<u64>) {
+        self.rows.store(0, Ordering::Relaxed);
+        if let Ok(mut stage) = self.stage.lock() {
+            *stage = Stage { name: name.to_owned(), total: rows, start: Instant::now(), told: 0 };
+        }
+        match &self.bar {
+            Some(bar) => {
+                let template = match rows {
+                    Some(_) => "{msg} [{bar:30}] {percent} % {eta} left",
+                    None => "{spinner} {msg} {elapsed}",
+                };
+                if let Ok(style) = ProgressStyle::with_template(template) {
+                    bar.set_style(style.progress_chars("=> "));
+                }
+                bar.reset();
+                bar.set_length(rows.unwrap_or(0));
+                bar.set_message(name.to_owned());
+            }
+            None => self.line(name),
+        }
+    }
+
+    fn evaluated(&self, p: &Progress) {
+        let elapsed = self.stage.lock().map_or(0.0, |s| s.start.elapsed().as_secs_f64());
+        let left = elapsed / f64::from(p.evaluation) * f64::from(p.max_evaluations - p.evaluation);
+        let text = format!(
+            "evaluation {}/{}, iteration {}: f_q {:.4}, best {:.4}, {} renders, at most {left:.0} s left",
+            p.evaluation, p.max_evaluations, p.iterations, p.f_q, p.best, p.renders
+        );
+        match &self.bar {
+            Some(bar) => bar.set_message(text),
+            None => self.line(&text),
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! `render`: a scene as it is lit.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::Args;
+use glam::UVec2;
+use serde_json::json;
+
+use super::{
+    common::{TransportArgs, load_scene, parse_size, parse_spp},
+    parse_exposure,
+    progress::{Console, catch_interrupts},
+};
+use crate::{
+    audit::{lights::Lighting, picture},
+    design::{Camera, Reporter},
+    film::{exr::write_exr, image_file::write_png},
+    integrator::aov,
+    math::display::LuminanceMode,
+};
+
+/// Render a scene with the lights of its sidecar, or with lights that `run` found
+///
+/// An EXR holds linear radiance with the object mask, albedo, normals, depth and the share of
+/// each light; a PNG is encoded for display.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree render -o basket.png fruit_basket.obj\n  \
+    lightopt-embree render --lights runs/fruit_basket-low-key/lights.toml --spp 1024 -o dark.exr fruit_basket.obj")]
+pub struct RenderArgs {
+    /// Scene to render: Wavefront OBJ with its sidecar
+    #[arg(value_name = "SCENE.obj")]
+    pub scene: PathBuf,
+
+    /// Lighting to use, as `run` writes it
+    #[arg(long, value_name = "FILE")]
+    pub lights: Option<PathBuf>,
+
+    /// Samples per pixel
+    #[arg(long, value_name = "N", default_value = "64", value_parser = parse_spp)]
+    pub spp: u32,
+
+    /// Size of the picture, pixels [default: the sidecar's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<UVec2>,
+
+    /// Factor on linear radiance before display [default: the lighting's, else the sidecar's]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    pub exposure: Option<f64>,
+
+    /// File to write: .exr or .png [default: SCENE.exr]
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+
+    /// Light transport.
+    #[command(flatten)]
+    pub transport: TransportArgs,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When the scene or the lighting is wrong, or the picture cannot be made or written.
+pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+    let output = match &args.output {
+        Some(path) => path.clone(),
+        None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("exr"),
+    };
+    let extension = output.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let is_png = match extension.as_deref() {
+        Some("png") => true,
+        Some("exr") => false,
+        _ => bail!("{}: the output must end in .exr or .png", output.display()),
+    };
+    if let Some(parent) = output.parent().filter(|p| !p.as_os_str().is_empty() && !p.is_dir()) {
+        bail!("{}: no such directory", parent.display());
+    }
+    let console = Console::new();
+    catch_interrupts()?;
+    let result = args.transport.in_pool(|| {
+        let mut scene = load_scene(&args.scene, None, |w| console.note(w))?;
+        if let Some(path) = &args.lights {
+            Lighting::load(path)?.apply(&mut scene, path)?;
+        }
+        if let Some(e) = args.exposure {
+            scene.exposure = e as f32;
+        }
+        if let Some(size) = args.size {
+            scene.camera.resize(size);
+        }
+        console.stage("rendering", Some(u64::from(scene.camera.size().y)));
+        let camera = Camera {
+            integrator: args.transport.integrator(),
+            sampler: args.transport.sampler,
+            luminance: LuminanceMode::Srgb,
+        };
+        let shot = camera.shoot(&scene, args.transport.seed, args.spp, 1, &console)?;
+        let exposure = f64::from(scene.exposure);
+        if is_png {
+            write_png(&output, &picture::beauty(&shot.picture), exposure)?;
+        } else {
+            let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+            let attribute = json!({
+                "scene": scene.name,
+                "exposure": scene.exposure,
+                "luminance": camera.luminance,
+                "integrator": camera.integrator.kind,
+                "spp": args.spp,
+                "seed": args.transport.seed,
+                "version": env!("CARGO_PKG_VERSION"),
+                "commit": env!("LIGHTOPT_COMMIT"),
+            });
+            let aovs = aov::trace(&scene);
+            let exr = picture::exr(&shot.picture, &aovs, &names, exposure, camera.luminance, attribute);
+            write_exr(&output, &exr)?;
+        }
+        Ok(())
+    });
+    console.finish();
+    result?;
+    console.note(&format!("wrote {}", output.display()));
+    Ok(())
+}

@@ -1,0 +1,218 @@
+//! `run`: finds the lights.
+
+use std::{
+    fmt::Write as _,
+    path::{Path, PathBuf},
+};
+
+use clap::{Args, ValueEnum};
+use glam::UVec2;
+use serde_json::json;
+
+use super::{
+    LuminanceArg,
+    common::{TransportArgs, load_scene, luminance_mode, parse_size, parse_spp},
+    parse_exposure, print,
+    progress::{Console, catch_interrupts},
+};
+use crate::{
+    design::{self, Reporter, RunOptions, RunReport},
+    objective::{Target, Term},
+    scene::sidecar::{FreeKind, FreeVariables},
+};
+
+/// Find the lights that give a scene a look, and render it
+///
+/// The lights' radiance and size and the background's brightness are varied until the
+/// picture, rendered with global illumination, comes as close to the target as they allow.
+/// Closeness is f_q, a weighted sum of six terms (see `evaluate --help`); lower is better.
+///
+/// SCENE.obj needs a sidecar SCENE.toml beside it that gives camera, main object and lights.
+/// A name that is not found is also sought in scenes/.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree run fruit_basket.obj\n  \
+    lightopt-embree run --target low-key --out runs/dark fruit_basket.obj\n  \
+    lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n\n\
+    The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
+    per iteration, run.toml with all options, and logs of every evaluation.\n\
+    Ctrl-C ends the optimisation and renders the best lights so far; twice quits.\n\
+    Exit status: 0 done, 1 failed, 2 wrong usage.")]
+pub struct RunArgs {
+    /// Scene to light: Wavefront OBJ with its sidecar
+    #[arg(value_name = "SCENE.obj")]
+    pub scene: PathBuf,
+
+    /// The look: high-key, low-key, or a target file (TOML; copy one from scenes/targets)
+    #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
+    pub target: String,
+
+    /// Directory to record the run in [default: runs/SCENE-TARGET]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Replace an earlier run in that directory
+    #[arg(long)]
+    pub force: bool,
+
+    /// Size of the final picture, pixels [default: the sidecar's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<UVec2>,
+
+    /// Size of the pictures that are optimised, pixels [default: 128 wide]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub work_size: Option<UVec2>,
+
+    /// Samples per pixel of a working picture
+    #[arg(long, value_name = "N", default_value = "16", value_parser = parse_spp)]
+    pub spp: u32,
+
+    /// Samples per pixel of the final picture
+    #[arg(long, value_name = "N", default_value = "256", value_parser = parse_spp)]
+    pub final_spp: u32,
+
+    /// What may vary [default: the sidecar's, else all]
+    #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_enum)]
+    pub free: Option<Vec<FreeKind>>,
+
+    /// How gradients are found
+    #[arg(long, value_enum, default_value_t = GradientArg::Fd)]
+    pub gradient: GradientArg,
+
+    /// Evaluations of f_q with its gradient, at most
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub max_evaluations: u32,
+
+    /// Factor on linear radiance before display: 2 is one stop brighter [default: the sidecar's]
+    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    pub exposure: Option<f64>,
+
+    /// Which brightness is measured [default: srgb]
+    #[arg(long, value_enum)]
+    pub luminance: Option<LuminanceArg>,
+
+    /// Print one JSON object in full precision instead of a table
+    #[arg(long)]
+    pub json: bool,
+
+    /// Light transport.
+    #[command(flatten)]
+    pub transport: TransportArgs,
+}
+
+/// How gradients are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum GradientArg {
+    /// Forward differences with common random numbers (the paper's way)
+    Fd,
+}
+
+/// Width of the working pictures by default.
+const WORK_WIDTH: u32 = 128;
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When the scene, the target or the run directory is wrong, or a render fails.
+pub fn run(args: &RunArgs) -> anyhow::Result<()> {
+    // What is wrong with the words should show in the first second.
+    let target = Target::resolve(&args.target)?;
+    let GradientArg::Fd = args.gradient;
+    let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
+    let out = args.out.clone().unwrap_or_else(|| Path::new("runs").join(format!("{stem}-{}", target.name())));
+    crate::audit::RunDir::check(&out, args.force)?;
+    let scene_path = crate::scene::builder::find(&args.scene)?;
+    let console = Console::new();
+    catch_interrupts()?;
+    let report = args.transport.in_pool(|| {
+        let mut scene = load_scene(&args.scene, args.exposure, |w| console.note(w))?;
+        let size = args.size.unwrap_or_else(|| scene.camera.size());
+        let work_size = args.work_size.unwrap_or_else(|| {
+            let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
+            UVec2::new(WORK_WIDTH, height).min(size)
+        });
+        let options = RunOptions {
+            target: target.clone(),
+            integrator: args.transport.integrator(),
+            sampler: args.transport.sampler,
+            luminance: luminance_mode(args.luminance),
+            size,
+            work_size,
+            spp: args.spp,
+            final_spp: args.final_spp,
+            free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
+            seed: args.transport.seed,
+            max_evaluations: args.max_evaluations,
+            out: out.clone(),
+            force: args.force,
+        };
+        Ok(design::run(&mut scene, &scene_path, &options, &console)?)
+    });
+    console.finish();
+    let report = report?;
+    if args.json {
+        print(&format!("{:#}\n", to_json(&report, &out)))
+    } else {
+        print(&to_table(&report, &target, &out))
+    }
+}
+
+fn to_json(r: &RunReport, out: &Path) -> serde_json::Value {
+    let terms: serde_json::Map<String, serde_json::Value> = r
+        .check
+        .evaluation
+        .terms
+        .iter()
+        .map(|t| (t.term.name().to_owned(), json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight})))
+        .collect();
+    json!({
+        "f_q_initial": r.initial.evaluation.f_q,
+        "f_q": r.check.evaluation.f_q,
+        "f_q_error": r.check.error_bar(),
+        "f_q_final": r.last.f_q,
+        "terms": terms,
+        "x": r.variables.named(&r.x),
+        "renders": r.renders,
+        "evaluations": r.evaluations,
+        "seconds": r.seconds,
+        "stop_reason": r.stop.to_string(),
+        "run_dir": out,
+    })
+}
+
+fn to_table(r: &RunReport, target: &Target, out: &Path) -> String {
+    // Writing to a String does not fail.
+    let mut text = String::new();
+    let _ = writeln!(text, "target {}", target.name());
+    let _ = writeln!(
+        text,
+        "f_q {:.4} at the start, {:.4} ± {:.4} found; {:.4} in the final picture",
+        r.initial.evaluation.f_q,
+        r.check.evaluation.f_q,
+        r.check.error_bar(),
+        r.last.f_q
+    );
+    let _ = writeln!(
+        text,
+        "{} evaluations, {} renders, {:.0} s; stopped because {}\n",
+        r.evaluations, r.renders, r.seconds, r.stop
+    );
+    let _ = writeln!(text, "{:<9} {:>8} {:>8} {:>8} {:>8}", "term", "start", "found", "target", "weight");
+    for (a, b) in r.initial.evaluation.terms.iter().zip(&r.check.evaluation.terms) {
+        let wanted = if b.term == Term::Hist { "0".to_owned() } else { format!("{:.3}", b.target) };
+        let _ = writeln!(
+            text,
+            "{:<9} {:>8.3} {:>8.3} {wanted:>8} {:>8.2}",
+            b.term.name(),
+            a.value,
+            b.value,
+            b.weight
+        );
+    }
+    let _ = writeln!(text);
+    for (v, x) in r.variables.variables.iter().zip(&r.x) {
+        let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
+    }
+    let _ = writeln!(text, "\n{}", out.join("final.png").display());
+    text
+}

@@ -1,0 +1,131 @@
+//! `run.toml`: everything resolved, enough to run it again.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::RunOptions;
+use crate::{
+    embree,
+    integrator::IntegratorKind,
+    math::{display::LuminanceMode, hash::hash_words},
+    objective::Target,
+    params::ParamVector,
+    sampler::SamplerKind,
+    scene::{Scene, sidecar::FreeVariables},
+};
+
+#[derive(Serialize)]
+struct Manifest<'a> {
+    schema: u32,
+    program: Program,
+    scene: SceneFacts<'a>,
+    options: Options<'a>,
+    target: &'a Target,
+    variables: &'a ParamVector,
+}
+
+#[derive(Serialize)]
+struct Program {
+    name: &'static str,
+    version: &'static str,
+    commit: &'static str,
+    embree: String,
+    isa: &'static str,
+    target: &'static str,
+    target_features: &'static str,
+    rustc: &'static str,
+    profile: &'static str,
+}
+
+#[derive(Serialize)]
+struct SceneFacts<'a> {
+    path: String,
+    /// Hash of the scene file and its sidecar.
+    content: String,
+    triangles: usize,
+    lights: Vec<&'a str>,
+    exposure: f32,
+}
+
+#[derive(Serialize)]
+struct Options<'a> {
+    gradient: &'static str,
+    integrator: IntegratorKind,
+    max_depth: usize,
+    sampler: SamplerKind,
+    luminance: LuminanceMode,
+    size: [u32; 2],
+    work_size: [u32; 2],
+    spp: u32,
+    final_spp: u32,
+    free: &'a FreeVariables,
+    seed: u64,
+    max_evaluations: u32,
+}
+
+/// Hash of the bytes of a scene file and its sidecar.
+fn content(scene_path: &Path) -> String {
+    let hash = [scene_path.to_path_buf(), scene_path.with_extension("toml")]
+        .iter()
+        .filter_map(|p| std::fs::read(p).ok())
+        .map(|bytes| {
+            let words: Vec<u64> = bytes
+                .chunks(8)
+                .map(|c| c.iter().fold(0, |word, &b| word << 8 | u64::from(b)))
+                .chain([bytes.len() as u64])
+                .collect();
+            hash_words(&words)
+        })
+        .fold(0, |h, file| hash_words(&[h, file]));
+    format!("{hash:016x}")
+}
+
+/// The text of the manifest.
+///
+/// # Errors
+/// When a value cannot be written as TOML.
+pub fn text(
+    scene: &Scene,
+    scene_path: &Path,
+    options: &RunOptions,
+    variables: &ParamVector,
+) -> Result<String, toml::ser::Error> {
+    toml::to_string(&Manifest {
+        schema: 1,
+        program: Program {
+            name: env!("CARGO_PKG_NAME"),
+            version: env!("CARGO_PKG_VERSION"),
+            commit: env!("LIGHTOPT_COMMIT"),
+            embree: embree::version(),
+            isa: embree::isa(),
+            target: env!("LIGHTOPT_TARGET"),
+            target_features: env!("LIGHTOPT_TARGET_FEATURES"),
+            rustc: env!("LIGHTOPT_RUSTC"),
+            profile: env!("LIGHTOPT_PROFILE"),
+        },
+        scene: SceneFacts {
+            path: scene_path.display().to_string(),
+            content: content(scene_path),
+            triangles: scene.mesh.indices.len(),
+            lights: scene.lights.iter().map(|l| l.name.as_str()).collect(),
+            exposure: scene.exposure,
+        },
+        options: Options {
+            gradient: "fd",
+            integrator: options.integrator.kind,
+            max_depth: options.integrator.max_depth,
+            sampler: options.sampler,
+            luminance: options.luminance,
+            size: options.size.to_array(),
+            work_size: options.work_size.to_array(),
+            spp: options.spp,
+            final_spp: options.final_spp,
+            free: &options.free,
+            seed: options.seed,
+            max_evaluations: options.max_evaluations,
+        },
+        target: &options.target,
+        variables,
+    })
+}

@@ -1,0 +1,319 @@
+//! Lighting design: from a scene and a target to the lights that meet it.
+//!
+//! One direction: survey (bounds and start) ─▶ optimisation at the working
+//! size ─▶ check render ─▶ final render, all recorded in a run directory.
+//! Every stage draws from seeds of its own, so that what is reported comes
+//! from samples that chose nothing.
+
+pub mod manifest;
+mod optimise;
+pub mod shot;
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use glam::UVec2;
+use serde_json::{Map, Value, json};
+
+use crate::{
+    audit::{AuditError, RunDir, lights::Lighting, picture, write_text},
+    film::{exr::write_exr, image_file::write_png},
+    integrator::{Integrator, Observer, RenderError, aov},
+    math::{display::LuminanceMode, hash::hash_words},
+    objective::{Evaluation, JackknifeEstimate, Objective, ObjectiveError, Target},
+    optim::{OptimError, StopReason},
+    params::{ParamVector, survey, survey::SurveyError},
+    sampler::SamplerKind,
+    scene::{Scene, sidecar::FreeVariables},
+};
+
+pub use shot::{Camera, Shot};
+
+/// What a run is asked to do.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// The look wanted.
+    pub target: Target,
+    /// Light transport.
+    pub integrator: Integrator,
+    /// Sample sequences.
+    pub sampler: SamplerKind,
+    /// Measure of luminance.
+    pub luminance: LuminanceMode,
+    /// Size of the final picture, pixels.
+    pub size: UVec2,
+    /// Size at which the lights are optimised, pixels.
+    pub work_size: UVec2,
+    /// Samples per pixel of a working render.
+    pub spp: u32,
+    /// Samples per pixel of the final picture.
+    pub final_spp: u32,
+    /// What may vary.
+    pub free: FreeVariables,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Evaluations of f_q with its gradient, at most.
+    pub max_evaluations: u32,
+    /// Where to record.
+    pub out: PathBuf,
+    /// Replace an earlier run there.
+    pub force: bool,
+}
+
+/// What a run found.
+#[derive(Debug)]
+pub struct RunReport {
+    /// f_q at the start, from a render of its own.
+    pub initial: JackknifeEstimate,
+    /// f_q of the lights found, from the check render.
+    pub check: JackknifeEstimate,
+    /// f_q and terms of the final picture.
+    pub last: Evaluation,
+    /// The variables.
+    pub variables: ParamVector,
+    /// Their values.
+    pub x: Vec<f64>,
+    /// Renders made, all sizes.
+    pub renders: u64,
+    /// Evaluations of f_q with its gradient.
+    pub evaluations: u32,
+    /// Why the optimisation ended.
+    pub stop: StopReason,
+    /// Wall time, s.
+    pub seconds: f64,
+}
+
+/// A run failed.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum RunError {
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    #[error(transparent)]
+    Objective(#[from] ObjectiveError),
+    #[error(transparent)]
+    Optim(#[from] OptimError),
+    #[error(transparent)]
+    Audit(#[from] AuditError),
+    #[error("cannot write the manifest")]
+    Manifest(#[from] toml::ser::Error),
+}
+
+impl From<crate::film::exr::ExrError> for RunError {
+    fn from(e: crate::film::exr::ExrError) -> Self {
+        Self::Audit(e.into())
+    }
+}
+
+impl From<crate::film::image_file::ImageFileError> for RunError {
+    fn from(e: crate::film::image_file::ImageFileError) -> Self {
+        Self::Audit(e.into())
+    }
+}
+
+/// Follows a run.
+pub trait Reporter: Observer {
+    /// A fact worth a line.
+    fn note(&self, text: &str);
+    /// A stage begins; it will render `rows` rows of pixels, when known.
+    fn stage(&self, name: &str, rows: Option<u64>);
+    /// An evaluation of the optimiser is done.
+    fn evaluated(&self, progress: &Progress);
+}
+
+/// State of the optimisation.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Evaluations so far.
+    pub evaluation: u32,
+    /// The most there will be.
+    pub max_evaluations: u32,
+    /// Improvements so far.
+    pub iterations: u32,
+    /// f_q of this evaluation.
+    pub f_q: f64,
+    /// Best f_q so far.
+    pub best: f64,
+    /// Renders so far.
+    pub renders: u64,
+}
+
+/// Independent uses of a run's seed.
+#[derive(Clone, Copy, Debug)]
+enum Purpose {
+    Survey = 1,
+    Optimise,
+    Initial,
+    Check,
+    Final,
+}
+
+fn seed_for(seed: u64, purpose: Purpose) -> u64 {
+    hash_words(&[seed, purpose as u64])
+}
+
+/// Replicates of a render whose f_q is reported.
+const CHECK_REPLICATES: u32 = 8;
+/// Samples of the check and initial renders, times those of a working render.
+const CHECK_FACTOR: u32 = 4;
+/// Samples per pixel of the survey.
+const SURVEY_SPP: u32 = 64;
+/// The initial picture is taken with this share of the final samples.
+const INITIAL_SHARE: u32 = 4;
+
+/// Runs the whole design of `scene` and records it.
+///
+/// # Errors
+/// When the scene cannot be optimised, rendered or recorded. What was recorded
+/// until then stays.
+pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter: &impl Reporter) -> Result<RunReport, RunError> {
+    let start = Instant::now();
+    RunDir::check(&options.out, options.force)?;
+    let camera = Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
+    let mut renders = 0;
+
+    scene.camera.resize(options.work_size);
+    let aovs = aov::trace(scene);
+    let objective = Objective::new(&options.target, aovs.width, aovs.height, &aovs.mask)?;
+
+    reporter.stage("survey", Some(u64::from(options.work_size.y)));
+    let (sizes, notes) = survey::fit_sizes(scene, options.work_size)?;
+    notes.iter().for_each(|n| reporter.note(n));
+    let largest_value = survey::value_range(scene).map_or(1.0, |[_, hi]| hi);
+    scene.set_background_value(1.0_f32.min(largest_value), largest_value);
+    let authored: Vec<f32> = scene.lights.iter().map(|l| l.radiance).collect();
+    for i in 0..scene.lights.len() {
+        let size = scene.lights[i].size;
+        scene.set_light(i, 1.0, size);
+    }
+    let unit = camera.shoot(scene, seed_for(options.seed, Purpose::Survey), SURVEY_SPP, 1, reporter)?;
+    renders += 1;
+    let variables = survey::variables(scene, &unit.picture, &sizes, &options.free, options.luminance)?;
+    for (i, radiance) in authored.into_iter().enumerate() {
+        let size = scene.lights[i].size;
+        scene.set_light(i, radiance, size);
+    }
+    let manifest = manifest::text(scene, scene_path, options, &variables)?;
+    let mut dir = RunDir::create(&options.out, options.force, &manifest)?;
+    dir.log_timing(&json!({"stage": "survey", "seconds": start.elapsed().as_secs_f64()}))?;
+
+    let check_spp = CHECK_FACTOR * options.spp;
+    let check_rows = u64::from(options.work_size.y * CHECK_REPLICATES);
+    reporter.stage("measuring the start", Some(check_rows));
+    let x0 = variables.decode(&variables.start());
+    variables.apply(scene, &x0);
+    let shot = camera.shoot(scene, seed_for(options.seed, Purpose::Initial), check_spp, CHECK_REPLICATES, reporter)?;
+    renders += 1;
+    let initial = shot.measure(&objective)?.estimate;
+    reporter.note(&format!("start: f_q {:.4} ± {:.4}", initial.evaluation.f_q, initial.error_bar()));
+
+    let found = optimise::by_differences(
+        optimise::Problem { scene, camera: &camera, objective: &objective, variables: &variables, aovs: &aovs, options },
+        &mut dir,
+        &mut renders,
+        reporter,
+    )?;
+    let x = variables.decode(&found.u);
+    variables.apply(scene, &x);
+
+    reporter.stage("checking the result with new samples", Some(check_rows));
+    let shot = camera.shoot(scene, seed_for(options.seed, Purpose::Check), check_spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
+    renders += 1;
+    let check = shot.measure(&objective)?.estimate;
+    reporter.note(&format!("result: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
+
+    scene.camera.resize(options.size);
+    let finale = Finale { camera: &camera, options, variables: &variables, reporter };
+    let spp = (options.final_spp / INITIAL_SHARE).max(1);
+    variables.apply(scene, &x0);
+    finale.take(scene, "initial", &x0, spp)?;
+    variables.apply(scene, &x);
+    let last = finale.take(scene, "final", &x, options.final_spp)?;
+    renders += 2;
+    let value = variables.variables.iter().position(|v| v.name == "background.value").map(|i| x[i] as f32);
+    write_text(&options.out.join("lights.toml"), &toml::to_string(&Lighting::of(scene, value))?)?;
+    let seconds = start.elapsed().as_secs_f64();
+    dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+    Ok(RunReport {
+        initial,
+        check,
+        last,
+        variables,
+        x,
+        renders,
+        evaluations: found.evaluations,
+        stop: found.stop,
+        seconds,
+    })
+}
+
+/// An interrupt ends the optimisation; what was found is still rendered.
+struct Unstoppable<'a, R>(&'a R);
+
+impl<R: Reporter> Observer for Unstoppable<'_, R> {
+    fn advance(&self, rows: u64) {
+        self.0.advance(rows);
+    }
+}
+
+/// Takes the full-size pictures.
+struct Finale<'a, R> {
+    camera: &'a Camera,
+    options: &'a RunOptions,
+    variables: &'a ParamVector,
+    reporter: &'a R,
+}
+
+impl<R: Reporter> Finale<'_, R> {
+    /// Renders the scene as it is, writes `NAME.exr` and `NAME.png`, and
+    /// returns the f_q of what was written.
+    fn take(&self, scene: &Scene, name: &str, x: &[f64], spp: u32) -> Result<Evaluation, RunError> {
+        self.reporter.stage(&format!("{name} picture"), Some(u64::from(self.options.size.y)));
+        let seed = seed_for(self.options.seed, Purpose::Final);
+        let shot = self.camera.shoot(scene, seed, spp, 1, &Unstoppable(self.reporter))?;
+        let aovs = aov::trace(scene);
+        let objective = Objective::new(&self.options.target, aovs.width, aovs.height, &aovs.mask)?;
+        let evaluation = objective.evaluate(&shot.display());
+        let attribute = attribute(scene, self.options, self.variables, x, &evaluation, spp);
+        let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+        let exposure = f64::from(scene.exposure);
+        let exr = picture::exr(&shot.picture, &aovs, &names, exposure, self.options.luminance, attribute);
+        write_exr(&self.options.out.join(format!("{name}.exr")), &exr)?;
+        write_png(&self.options.out.join(format!("{name}.png")), &picture::beauty(&shot.picture), exposure)?;
+        Ok(evaluation)
+    }
+}
+
+/// The `lightopt` attribute of a run's picture: enough to evaluate it again.
+fn attribute(
+    scene: &Scene,
+    options: &RunOptions,
+    variables: &ParamVector,
+    x: &[f64],
+    evaluation: &Evaluation,
+    spp: u32,
+) -> Value {
+    let terms: Map<String, Value> = evaluation
+        .terms
+        .iter()
+        .map(|t| (t.term.name().to_owned(), json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight})))
+        .collect();
+    json!({
+        "scene": scene.name,
+        "x": variables.named(x),
+        "f_q": evaluation.f_q,
+        "terms": terms,
+        "exposure": scene.exposure,
+        "luminance": options.luminance,
+        "target": options.target,
+        "integrator": options.integrator.kind,
+        "spp": spp,
+        "seed": options.seed,
+        "version": env!("CARGO_PKG_VERSION"),
+        "commit": env!("LIGHTOPT_COMMIT"),
+    })
+}

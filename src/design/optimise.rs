@@ -1,0 +1,199 @@
+//! Paper mode: a fresh render per evaluation, forward differences with common
+//! random numbers, NLopt's bounded L-BFGS from one start.
+
+use std::{ops::ControlFlow, time::Instant};
+
+use serde_json::json;
+
+use super::{Camera, Progress, Purpose, Reporter, RunError, RunOptions, Shot, attribute, seed_for};
+use crate::{
+    audit::{RunDir, picture},
+    integrator::{RenderError, aov::Aovs},
+    objective::{Objective, Smoothing},
+    optim::{self, Interrupt, OptimError, StopReason, difference},
+    params::ParamVector,
+    scene::Scene,
+};
+
+/// Smoothing of the residuals, restart by restart, with each one's share of
+/// the evaluations.
+const STAGES: [(f64, f64); 3] =
+    [(Smoothing::DELTA_FIRST, 0.4), (5e-3, 0.35), (Smoothing::DELTA_LAST, 0.25)];
+/// Replicates of an evaluation, from which its error is estimated.
+const REPLICATES: u32 = 4;
+/// Function values from which the noise is estimated, and their spacing.
+const NOISE_POINTS: usize = 7;
+const NOISE_SPACING: f64 = 1e-3;
+/// Largest component of the first trial step: NLopt tries x0 − ∇f, so f is
+/// scaled to make that a sane step.
+const FIRST_STEP: f64 = 0.2;
+
+/// What is optimised.
+pub struct Problem<'a> {
+    pub scene: &'a mut Scene,
+    pub camera: &'a Camera,
+    pub objective: &'a Objective,
+    pub variables: &'a ParamVector,
+    pub aovs: &'a Aovs,
+    pub options: &'a RunOptions,
+}
+
+/// What was found.
+pub struct Found {
+    /// Best point, in the unit cube.
+    pub u: Vec<f64>,
+    /// Evaluations with gradient.
+    pub evaluations: u32,
+    /// Why the last search ended.
+    pub stop: StopReason,
+}
+
+struct Search<'a, R> {
+    problem: Problem<'a>,
+    dir: &'a mut RunDir,
+    renders: &'a mut u64,
+    reporter: &'a R,
+    step: f64,
+    evaluations: u32,
+    iterations: u32,
+    /// Best unsmoothed f_q and its point.
+    best: Option<(f64, Vec<f64>)>,
+}
+
+/// Optimises from the variables' start.
+pub fn by_differences(
+    problem: Problem<'_>,
+    dir: &mut RunDir,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<Found, RunError> {
+    let n = problem.variables.len();
+    let budget = problem.options.max_evaluations;
+    let start = problem.variables.start();
+    let mut search =
+        Search { problem, dir, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
+    reporter.stage("optimising", None);
+    search.step = search.find_step(&start)?;
+
+    let mut u = start.clone();
+    let mut stop = StopReason::NoProgress;
+    for (i, (delta, share)) in STAGES.into_iter().enumerate() {
+        let left = budget - search.evaluations;
+        let allowed = if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
+        if left == 0 {
+            break;
+        }
+        let smoothing = Smoothing::with_delta(delta);
+        let mut scale = None;
+        let mut failure = None;
+        let options = optim::Options { max_evaluations: Some(allowed), f_tol_abs: 1e-5, x_tol_abs: 1e-4, ..Default::default() };
+        let result = optim::minimize(&u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+            match search.evaluate(u, &smoothing) {
+                Ok((f, slopes)) => {
+                    let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+                    let c = *scale.get_or_insert(if steepest > FIRST_STEP { FIRST_STEP / steepest } else { 1.0 });
+                    for (g, s) in gradient.iter_mut().zip(slopes) {
+                        *g = c * s;
+                    }
+                    ControlFlow::Continue(c * f)
+                }
+                Err(e) => {
+                    failure = Some(e);
+                    ControlFlow::Break(Interrupt)
+                }
+            }
+        });
+        match failure {
+            Some(RunError::Render(RenderError::Cancelled)) => {
+                stop = StopReason::Interrupted;
+                break;
+            }
+            Some(e) => return Err(e),
+            None => {}
+        }
+        let outcome = result.map_err(|e: OptimError| RunError::from(e))?;
+        u = outcome.x;
+        stop = outcome.stop;
+    }
+    let u = search.best.map_or(start, |(_, u)| u);
+    Ok(Found { u, evaluations: search.evaluations, stop })
+}
+
+impl<R: Reporter> Search<'_, R> {
+    fn shoot(&mut self, u: &[f64], purpose: Purpose) -> Result<Shot, RunError> {
+        let Problem { scene, camera, variables, options, .. } = &mut self.problem;
+        variables.apply(scene, &variables.decode(u));
+        *self.renders += 1;
+        Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
+    }
+
+    /// The step of the differences, from the noise of f along the diagonal.
+    fn find_step(&mut self, start: &[f64]) -> Result<f64, RunError> {
+        let smoothing = Smoothing::with_delta(Smoothing::DELTA_FIRST);
+        let values = (0..NOISE_POINTS)
+            .map(|i| {
+                let along = NOISE_SPACING * i as f64;
+                let u: Vec<f64> = start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
+                Ok(self.shoot(&u, Purpose::Optimise)?.smoothed(self.problem.objective, &smoothing))
+            })
+            .collect::<Result<Vec<f64>, RunError>>()?;
+        let noise = difference::noise(&values);
+        let step = difference::step(noise);
+        self.reporter.note(&format!("noise of f_q under common random numbers {noise:.1e}, difference step {step:.4}"));
+        Ok(step)
+    }
+
+    /// Smoothed f_q with its gradient; logs the unsmoothed one.
+    fn evaluate(&mut self, u: &[f64], smoothing: &Smoothing) -> Result<(f64, Vec<f64>), RunError> {
+        let clock = Instant::now();
+        let shot = self.shoot(u, Purpose::Optimise)?;
+        let measured = shot.measure(self.problem.objective)?;
+        let f = shot.smoothed(self.problem.objective, smoothing);
+        let step = self.step;
+        let slopes = difference::gradient(u, f, step, |u| {
+            let shot = self.shoot(u, Purpose::Optimise)?;
+            Ok::<_, RunError>(shot.smoothed(self.problem.objective, smoothing))
+        })?;
+        self.evaluations += 1;
+
+        let Problem { scene, variables, options, aovs, .. } = &mut self.problem;
+        let x = variables.decode(u);
+        let f_q = measured.plain.f_q;
+        let line = json!({
+            "evaluation": self.evaluations,
+            "x": variables.named(&x),
+            "f_q": f_q,
+            "f_q_error": measured.estimate.error_bar(),
+            "f_q_corrected": measured.estimate.evaluation.f_q,
+            "terms": serde_json::to_value(&measured.plain).map(|v| v["terms"].clone()).unwrap_or_default(),
+            "gradient_norm": slopes.iter().map(|g| g * g).sum::<f64>().sqrt(),
+            "smoothing": smoothing.delta,
+            "renders": *self.renders,
+        });
+        self.dir.log_evaluation(&line)?;
+        self.dir.log_timing(&json!({
+            "stage": "evaluation",
+            "evaluation": self.evaluations,
+            "seconds": clock.elapsed().as_secs_f64(),
+        }))?;
+        if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
+            variables.apply(scene, &x);
+            let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+            let attribute = attribute(scene, options, variables, &x, &measured.plain, options.spp);
+            let exposure = f64::from(scene.exposure);
+            let exr = picture::exr(&shot.picture, aovs, &names, exposure, options.luminance, attribute);
+            self.dir.log_iteration(&line, &exr)?;
+            self.iterations += 1;
+            self.best = Some((f_q, u.to_vec()));
+        }
+        self.reporter.evaluated(&Progress {
+            evaluation: self.evaluations,
+            max_evaluations: options.max_evaluations,
+            iterations: self.iterations,
+            f_q,
+            best: self.best.as_ref().map_or(f_q, |(best, _)| *best),
+            renders: *self.renders,
+        });
+        Ok((f, slopes))
+    }
+}

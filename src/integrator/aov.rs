@@ -1,0 +1,54 @@
+//! Auxiliary pictures: what the ray through each pixel's centre meets first,
+//! lights ignored.
+
+use glam::{UVec2, Vec2};
+use rayon::prelude::*;
+
+use crate::scene::Scene;
+
+/// One value per pixel of the full film, row by row.
+#[derive(Clone, Debug)]
+pub struct Aovs {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Whether the pixel shows the main object.
+    pub mask: Vec<bool>,
+    /// Base colour; black where there is no surface.
+    pub albedo: Vec<[f32; 3]>,
+    /// Unit shading normal, world space; zero where there is no surface.
+    pub normal: Vec<[f32; 3]>,
+    /// Distance from the camera, metres; infinite where there is no surface.
+    pub depth: Vec<f32>,
+}
+
+/// Traces the auxiliary pictures.
+#[must_use]
+pub fn trace(scene: &Scene) -> Aovs {
+    let UVec2 { x: width, y: height } = scene.camera.size();
+    let pixels: Vec<_> = (0..width * height)
+        .into_par_iter()
+        .map(|i| {
+            let raster = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let dir = scene.camera.direction(raster);
+            match scene.intersect(scene.camera.position, dir) {
+                None => (false, [0.0; 3], [0.0; 3], f32::INFINITY),
+                Some(hit) => (
+                    scene.is_main[hit.si.triangle as usize],
+                    scene.base_color(&hit).to_array(),
+                    hit.si.frame.n.to_array(),
+                    hit.t,
+                ),
+            }
+        })
+        .collect();
+    Aovs {
+        width: width as usize,
+        height: height as usize,
+        mask: pixels.iter().map(|p| p.0).collect(),
+        albedo: pixels.iter().map(|p| p.1).collect(),
+        normal: pixels.iter().map(|p| p.2).collect(),
+        depth: pixels.iter().map(|p| p.3).collect(),
+    }
+}
