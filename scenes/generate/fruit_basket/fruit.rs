@@ -1,0 +1,302 @@
+//! The fruit, each about its own centre with its stem toward +y.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DQuat, DVec3};
+
+use super::mesh::{Ends, Material, Mesh};
+use super::random::{Rng, noise, smoothstep};
+use super::settle::Shape;
+
+/// A fruit: what is seen, and what it collides with.
+pub struct Fruit {
+    /// The surface.
+    pub mesh: Mesh,
+    /// The collision shape.
+    pub shape: Shape,
+}
+
+/// From the skin at the stem's end to the skin of the rest: streaks between two neighbours.
+pub type Blush = [Material; 4];
+
+fn rings(rows: usize, columns: usize, f: impl Fn(f64, f64) -> DVec3) -> Vec<Vec<DVec3>> {
+    (1..rows)
+        .map(|i| PI * i as f64 / rows as f64)
+        .map(|t| {
+            (0..columns)
+                .map(|j| f(t, TAU * j as f64 / columns as f64))
+                .collect()
+        })
+        .collect()
+}
+
+/// A slightly bent, thickened-at-the-end stalk from `foot` along +y.
+fn stalk(foot: DVec3, length: f64, radius: f64, rng: &mut Rng) -> Mesh {
+    let lean = rng.direction() * DVec3::new(0.35, 0.0, 0.35);
+    let path: Vec<DVec3> = (0..=8)
+        .map(|i| f64::from(i) / 8.0)
+        .map(|t| foot + (DVec3::Y * t + lean * t * t) * length)
+        .collect();
+    let swell = |i: usize| {
+        radius * (1.0 - 0.25 * (PI * i as f64 / 8.0).sin() + 0.35 * smoothstep(6.0, 8.0, i as f64))
+    };
+    Mesh::tube(&path, 8, swell, "stem")
+}
+
+/// Apple of radius `r`: round shoulders, a deep stem cavity, five bumps below; `rows` of
+/// vertices from pole to pole.
+pub fn apple(r: f64, rows: usize, skin: Blush, rng: &mut Rng) -> Fruit {
+    let seed = rng.range(0.0, 1e6) as u64;
+    let point = |t: f64, a: f64| {
+        let (sin, cos) = t.sin_cos();
+        let ribs = 1.0
+            + 0.030 * (5.0 * a).cos() * smoothstep(0.1, -1.0, cos)
+            + 0.012 * (5.0 * a + 0.6).cos();
+        let unit = DVec3::new(sin * a.cos(), cos, sin * a.sin());
+        let uneven = 1.0 + 0.030 * noise(unit * 1.3, seed) + 0.012 * noise(unit * 3.1, seed + 1);
+        let radius = sin * (1.0 + 0.07 * cos) * ribs * uneven;
+        let cavity = |depth: f64, width: f64| depth * (-(radius / width).powi(2)).exp();
+        let height = 0.90 * cos * uneven
+            - if cos > 0.0 {
+                cavity(0.36, 0.30)
+            } else {
+                -cavity(0.20, 0.24)
+            };
+        DVec3::new(radius * a.cos(), height, radius * a.sin()) * r
+    };
+    let pole = |t: f64| DVec3::Y * point(t, 0.0).y;
+    let mut mesh = Mesh::skin(
+        &rings(rows, rows * 3 / 2, point),
+        Ends::Points(pole(0.0), pole(PI)),
+        skin[3],
+    );
+    mesh.paint(|p| {
+        let a = p.z.atan2(p.x);
+        let streak = noise(
+            DVec3::new(6.0 * a.cos(), p.y / r * 0.7, 6.0 * a.sin()),
+            seed + 2,
+        );
+        let patch = noise(p / r * 1.1, seed + 3);
+        // The cavity lies inside the shoulder: count from the axis outward, then downward.
+        let along = (p.x.hypot(p.z) / r).min(1.0) * 0.55 + 0.30 * (0.75 - p.y / r).max(0.0);
+        let k = (along + 0.16 * streak + 0.22 * patch - 0.10) * 6.0;
+        skin[(k.max(0.0) as usize).min(3)]
+    });
+    let shape = Shape::star(&mesh);
+    mesh.append(stalk(pole(0.0) - DVec3::Y * 0.001, r * 0.62, 0.0015, rng));
+    let calyx = |t: f64, a: f64| {
+        let (sin, cos) = t.sin_cos();
+        DVec3::new(sin * a.cos() * 0.004, cos * 0.002, sin * a.sin() * 0.004)
+            * (1.0 + 0.3 * (5.0 * a).cos() * sin)
+            + pole(PI)
+    };
+    mesh.append(Mesh::skin(
+        &rings(5, 15, calyx),
+        Ends::Points(calyx(0.0, 0.0), calyx(PI, 0.0)),
+        "stem",
+    ));
+    Fruit { mesh, shape }
+}
+
+/// Pear, `size` tall without its stem.
+pub fn pear(size: f64, skin: Blush, rng: &mut Rng) -> Fruit {
+    let seed = rng.range(0.0, 1e6) as u64;
+    let bend = rng.direction() * DVec3::new(1.0, 0.0, 1.0) * 0.10 * size;
+    let point = |t: f64, a: f64| {
+        let (sin, cos) = t.sin_cos();
+        // A sphere whose upper half is drawn out and narrowed to a neck.
+        let neck = smoothstep(-0.15, 0.95, cos);
+        let unit = DVec3::new(sin * a.cos(), cos, sin * a.sin());
+        let uneven = 1.0 + 0.030 * noise(unit * 1.6, seed) + 0.012 * noise(unit * 4.0, seed + 1);
+        let radius = 0.375 * sin * (1.0 - 0.50 * neck) * uneven * (1.0 + 0.012 * (5.0 * a).cos());
+        let dimple = |depth: f64, width: f64| depth * (-(radius / width).powi(2)).exp();
+        let height = if cos > 0.0 {
+            0.62 * cos.powf(0.90) - dimple(0.03, 0.05)
+        } else {
+            0.36 * cos + dimple(0.05, 0.10)
+        };
+        DVec3::new(radius * a.cos(), height, radius * a.sin()) * size
+            + bend * (height.max(0.0)).powi(2)
+    };
+    let mean = |t: f64| 0.5 * (point(t, 0.0) + point(t, PI));
+    let mut mesh = Mesh::skin(
+        &rings(34, 36, point),
+        Ends::Points(mean(0.0), mean(PI)),
+        skin[0],
+    );
+    mesh.paint(|p| {
+        let blush = noise(p / size * 2.2, seed + 2)
+            + 0.55 * noise(p / size * 22.0, seed + 3)
+            + 1.2 * p.x / size;
+        let k = (blush + 0.42) * 3.2;
+        skin[(k.max(0.0) as usize).min(3)]
+    });
+    let shape = Shape::star(&mesh);
+    mesh.append(stalk(
+        mean(0.0) - DVec3::Y * 0.002,
+        size * 0.26,
+        0.0017,
+        rng,
+    ));
+    Fruit { mesh, shape }
+}
+
+/// Orange of radius `r` with a pitted skin; `n` cells a cube edge (see [`Mesh::star`]).
+pub fn orange(r: f64, n: i32, skin: Material, rng: &mut Rng) -> Fruit {
+    let seed = rng.range(0.0, 1e6) as u64;
+    let radius = |d: DVec3| {
+        let polar = d.y.clamp(-1.0, 1.0).acos();
+        let uneven = 0.020 * noise(d * 1.4, seed) + 0.010 * noise(d * 3.0, seed + 1);
+        let stem = -0.055 * (-(polar / 0.16).powi(2)).exp()
+            - 0.025 * (-((PI - polar) / 0.14).powi(2)).exp();
+        let pits =
+            noise(d * (r / 0.0052), seed + 2).max(-0.15) + 0.4 * noise(d * (r / 0.0085), seed + 3);
+        r * (1.0 - 0.035 * d.y * d.y + uneven + stem) - 0.00042 * pits
+    };
+    let mut mesh = Mesh::star(n, radius, skin);
+    let shape = Shape::star(&mesh);
+    let top = DVec3::Y * (radius(DVec3::Y) - 0.0002);
+    let button = |t: f64, a: f64| {
+        let (sin, cos) = t.sin_cos();
+        let star = 0.0042 * (1.0 + 0.22 * (5.0 * a).cos());
+        top + DVec3::new(star * sin * a.cos(), 0.0017 * cos, star * sin * a.sin())
+    };
+    mesh.append(Mesh::skin(
+        &rings(6, 20, button),
+        Ends::Points(button(0.0, 0.0), button(PI, 0.0)),
+        "calyx",
+    ));
+    Fruit { mesh, shape }
+}
+
+/// A hand of `count` bananas, its arch upward: crown at −x, tips at +x, side by side in z.
+pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
+    const STEPS: usize = 32;
+    let mut mesh = Mesh::default();
+    let mut balls = Vec::new();
+    for index in 0..count {
+        let place = index as f64 - 0.5 * (count as f64 - 1.0);
+        let (bend, half) = (rng.range(0.100, 0.112), rng.range(0.80, 0.90));
+        let yaw = DQuat::from_rotation_y(-place * rng.range(0.15, 0.18));
+        let lift = rng.range(-0.003, 0.003) - 0.004 * place * place;
+        let path: Vec<DVec3> = (0..=STEPS)
+            .map(|i| i as f64 / STEPS as f64)
+            .map(|t| {
+                // Straighter toward the crown than toward the tip.
+                let a = half * (2.0 * t - 1.0) + 0.18 * (1.0 - t).powi(3);
+                let arc = DVec3::new(
+                    bend * (a.sin() + 0.78),
+                    bend * (a.cos() - 0.7) + lift * smoothstep(0.0, 0.3, t),
+                    0.0,
+                );
+                let aside = place * (0.0068 + 0.0170 * smoothstep(0.02, 0.26, t));
+                yaw * arc + DVec3::new(-0.78 * bend, 0.0, aside)
+            })
+            .collect();
+        let girth = move |i: usize| {
+            let t = i as f64 / STEPS as f64;
+            let body = smoothstep(0.05, 0.30, t) * (1.0 - smoothstep(0.74, 0.965, t));
+            0.0046 + 0.0128 * body.powf(0.8) - 0.0012 * smoothstep(0.97, 1.0, t)
+        };
+        let turn = rng.range(0.0, TAU);
+        let section = move |i: usize, a: f64| {
+            // A pentagon with soft edges; no facets where neck and tip are round.
+            let facets = 0.055 * smoothstep(0.006, 0.014, girth(i));
+            let a5 = (5.0 * (a + 0.1 * turn)).cos();
+            let r = girth(i) * (1.0 + facets * (a5 + 0.25 * a5 * a5));
+            (r * a.cos(), r * a.sin())
+        };
+        let mut banana = Mesh::sweep(&path, |_| yaw * DVec3::Z, 20, false, section, "banana_1");
+        let (neck, tip) = (path[0], path[STEPS]);
+        let seed = rng.range(0.0, 1e6) as u64;
+        let body = if index % 2 == 0 {
+            "banana_1"
+        } else {
+            "banana_2"
+        };
+        banana.paint(|p| {
+            let speck = noise(p / 0.006, seed) + 0.6 * noise(p / 0.014, seed + 1);
+            match (p.distance(neck), p.distance(tip)) {
+                (_, d) if d < 0.0055 => "banana_tip",
+                (_, d) if d < 0.016 + 0.004 * speck => "banana_green",
+                (d, _) if d < 0.034 + 0.006 * speck => "banana_green",
+                _ if speck > 1.02 => "banana_tip",
+                _ => body,
+            }
+        });
+        mesh.append(banana);
+        balls.extend((1..STEPS).step_by(2).map(|i| (path[i], girth(i))));
+    }
+    let crown = |t: f64, a: f64| {
+        let (sin, cos) = t.sin_cos();
+        let width = 0.0085 + 0.0062 * count as f64 * 0.5;
+        DVec3::new(
+            -0.0885 + 0.010 * sin * a.cos(),
+            0.0045 + 0.0085 * sin * a.sin(),
+            width * cos,
+        )
+    };
+    let centre = crown(0.5 * PI, 0.5 * PI).with_y(0.0);
+    let mut stub = Mesh::skin(
+        &rings(10, 16, crown),
+        Ends::Points(crown(0.0, 0.0), crown(PI, 0.0)),
+        "banana_green",
+    );
+    stub.paint(|p| {
+        if p.x < centre.x - 0.004 {
+            "banana_tip"
+        } else {
+            "banana_green"
+        }
+    });
+    mesh.append(stub);
+    Fruit {
+        mesh,
+        shape: Shape::Balls(balls),
+    }
+}
+
+/// One grape of radius `r`, a little longer than wide.
+pub fn grape(r: f64, skin: Material) -> Mesh {
+    let point = |t: f64, a: f64| {
+        DVec3::new(t.sin() * a.cos(), 1.10 * t.cos(), t.sin() * a.sin()) * (r * 0.985)
+    };
+    Mesh::skin(
+        &rings(10, 13, point),
+        Ends::Points(point(0.0, 0.0), point(PI, 0.0)),
+        skin,
+    )
+}
+
+/// A leaf of `length` from the origin along +x, its face up, drooping at the tip.
+pub fn leaf(length: f64, droop: f64, skin: Material) -> Mesh {
+    const STEPS: usize = 18;
+    let width = |t: f64| 0.23 * length * (PI * t.powf(0.82)).sin().max(0.0).powf(0.75) + 0.0008;
+    let ring = |i: usize| -> Vec<DVec3> {
+        let t = i as f64 / STEPS as f64;
+        let side = |k: i32| {
+            let u = f64::from(k) / 6.0;
+            let fold = 0.22 * u.abs() * width(t) + 0.0016 * (9.0 * PI * t + u.abs()).sin() * u * u;
+            let vein = -0.0009 * (-(u / 0.12).powi(2)).exp();
+            DVec3::new(
+                t * length - 0.06 * length * u * u * t,
+                fold + vein - droop * t * t * length,
+                u * width(t),
+            )
+        };
+        let (upper, lower) = (DVec3::Y * 0.00035, DVec3::Y * -0.00035);
+        let over = (-6..=6).map(|k| side(k) + if k.abs() < 6 { upper } else { DVec3::ZERO });
+        over.chain((-5..=5).rev().map(|k| side(k) + lower))
+            .collect()
+    };
+    let rows: Vec<_> = (0..=STEPS).map(ring).collect();
+    let tip = DVec3::new(length * 1.01, -droop * length * 1.02, 0.0);
+    let mut mesh = Mesh::skin(&rows, Ends::Points(DVec3::X * -0.001, tip), skin);
+    let petiole = [
+        DVec3::new(-0.014, -0.004, 0.0),
+        DVec3::new(-0.007, -0.001, 0.0),
+        DVec3::new(0.004, 0.0, 0.0),
+    ];
+    mesh.append(Mesh::tube(&petiole, 6, |_| 0.0009, "stem"));
+    mesh
+}
