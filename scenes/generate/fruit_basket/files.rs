@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use glam::DVec3;
 
+use super::fruit::{CRIMSON, GALA, GREEN, PEAR, RED, RIPE, Ramp};
 use super::mesh::Material;
 use super::pile::Object;
 
@@ -85,11 +86,6 @@ fn number(x: f64, places: usize) -> String {
 
 /// Base colour (linear Rec.709), coat roughness (0: no coat).
 const MATERIALS: &[(Material, [f64; 3], f64)] = &[
-    ("apple_crimson", [0.300, 0.014, 0.020], 0.28),
-    ("apple_gala", [0.560, 0.095, 0.040], 0.30),
-    ("apple_green", [0.390, 0.560, 0.070], 0.28),
-    ("apple_red", [0.500, 0.026, 0.022], 0.27),
-    ("apple_yellow", [0.720, 0.450, 0.090], 0.30),
     ("backdrop", [0.500, 0.490, 0.470], 0.0),
     ("banana_1", [0.840, 0.560, 0.050], 0.38),
     ("banana_2", [0.800, 0.500, 0.040], 0.38),
@@ -104,24 +100,44 @@ const MATERIALS: &[(Material, [f64; 3], f64)] = &[
     ("leaf_2", [0.110, 0.260, 0.040], 0.38),
     ("orange_1", [0.860, 0.270, 0.012], 0.32),
     ("orange_2", [0.900, 0.330, 0.020], 0.32),
-    ("pear_blush", [0.640, 0.240, 0.050], 0.34),
-    ("pear_green", [0.520, 0.580, 0.100], 0.34),
-    ("pear_yellow", [0.740, 0.600, 0.120], 0.34),
     ("stem", [0.160, 0.090, 0.040], 0.55),
-    ("table", [0.330, 0.290, 0.250], 0.20),
+    ("table", [0.270, 0.225, 0.185], 0.20),
     ("wicker", [0.600, 0.380, 0.170], 0.50),
     ("wicker_dark", [0.340, 0.175, 0.070], 0.50),
     ("wicker_light", [0.680, 0.470, 0.240], 0.50),
 ];
+
+/// Ramps of base colour, first and last step, and their coat roughness.
+const RAMPS: &[(Ramp, [f64; 3], [f64; 3], f64)] = &[
+    (RED, [0.550, 0.420, 0.070], [0.430, 0.014, 0.016], 0.27),
+    (CRIMSON, [0.330, 0.370, 0.060], [0.240, 0.009, 0.016], 0.27),
+    (GALA, [0.740, 0.500, 0.110], [0.520, 0.045, 0.026], 0.30),
+    (GREEN, [0.520, 0.620, 0.130], [0.330, 0.540, 0.050], 0.28),
+    (PEAR, [0.430, 0.550, 0.080], [0.660, 0.620, 0.120], 0.34),
+    (RIPE, [0.760, 0.620, 0.120], [0.660, 0.280, 0.055], 0.34),
+];
+
+/// All materials: name, base colour, coat roughness.
+fn materials() -> Vec<(Material, [f64; 3], f64)> {
+    let mut all = MATERIALS.to_vec();
+    for (ramp, first, last, roughness) in RAMPS {
+        for (i, name) in ramp.iter().enumerate() {
+            let t = i as f64 / (ramp.len() - 1) as f64;
+            let color = std::array::from_fn(|c| first[c] + (last[c] - first[c]) * t.powf(0.8));
+            all.push((name, color, *roughness));
+        }
+    }
+    all
+}
 
 /// The MTL text.
 pub fn mtl() -> String {
     let mut text = String::from(
         "# Kd: base colour, linear Rec.709. Ks > 0: dielectric coat of roughness Pr and index Ni.\n",
     );
-    for (name, [r, g, b], roughness) in MATERIALS {
+    for (name, [r, g, b], roughness) in materials() {
         let _ = write!(text, "\nnewmtl {name}\nKd {r:.3} {g:.3} {b:.3}\n");
-        if *roughness > 0.0 {
+        if roughness > 0.0 {
             // Blinn-Phong exponent of the same lobe width, for programs that do not know Pr.
             let exponent = (2.0 / roughness.powi(4) - 2.0).round();
             let _ = write!(

@@ -16,8 +16,35 @@ pub struct Fruit {
     pub shape: Shape,
 }
 
-/// From the skin at the stem's end to the skin of the rest: streaks between two neighbours.
-pub type Blush = [Material; 4];
+/// Skin that changes its colour gradually: the materials of the ramp's steps.
+pub type Ramp = [Material; 6];
+
+/// Green-yellow to red.
+pub const RED: Ramp = ["red_1", "red_2", "red_3", "red_4", "red_5", "red_6"];
+/// Green to dark crimson.
+pub const CRIMSON: Ramp = [
+    "crimson_1",
+    "crimson_2",
+    "crimson_3",
+    "crimson_4",
+    "crimson_5",
+    "crimson_6",
+];
+/// Yellow to orange-red.
+pub const GALA: Ramp = ["gala_1", "gala_2", "gala_3", "gala_4", "gala_5", "gala_6"];
+/// Yellow-green to apple green.
+pub const GREEN: Ramp = [
+    "green_1", "green_2", "green_3", "green_4", "green_5", "green_6",
+];
+/// Pear green to yellow-green.
+pub const PEAR: Ramp = ["pear_1", "pear_2", "pear_3", "pear_4", "pear_5", "pear_6"];
+/// Ripe yellow to a red cheek.
+pub const RIPE: Ramp = ["ripe_1", "ripe_2", "ripe_3", "ripe_4", "ripe_5", "ripe_6"];
+
+/// Step of the ramp at `t` ∈ [0, 1]; `dither` ∈ [-1, 1] blurs the borders between steps.
+fn step(ramp: &Ramp, t: f64, dither: f64) -> Material {
+    ramp[((t * 6.0 + 0.7 * dither).max(0.0) as usize).min(5)]
+}
 
 fn rings(rows: usize, columns: usize, f: impl Fn(f64, f64) -> DVec3) -> Vec<Vec<DVec3>> {
     (1..rows)
@@ -45,7 +72,7 @@ fn stalk(foot: DVec3, length: f64, radius: f64, rng: &mut Rng) -> Mesh {
 
 /// Apple of radius `r`: round shoulders, a deep stem cavity, five bumps below; `rows` of
 /// vertices from pole to pole.
-pub fn apple(r: f64, rows: usize, skin: Blush, rng: &mut Rng) -> Fruit {
+pub fn apple(r: f64, rows: usize, skin: &Ramp, rng: &mut Rng) -> Fruit {
     let seed = rng.range(0.0, 1e6) as u64;
     let point = |t: f64, a: f64| {
         let (sin, cos) = t.sin_cos();
@@ -73,14 +100,14 @@ pub fn apple(r: f64, rows: usize, skin: Blush, rng: &mut Rng) -> Fruit {
     mesh.paint(|p| {
         let a = p.z.atan2(p.x);
         let streak = noise(
-            DVec3::new(6.0 * a.cos(), p.y / r * 0.7, 6.0 * a.sin()),
+            DVec3::new(7.0 * a.cos(), p.y / r * 0.6, 7.0 * a.sin()),
             seed + 2,
         );
-        let patch = noise(p / r * 1.1, seed + 3);
-        // The cavity lies inside the shoulder: count from the axis outward, then downward.
-        let along = (p.x.hypot(p.z) / r).min(1.0) * 0.55 + 0.30 * (0.75 - p.y / r).max(0.0);
-        let k = (along + 0.16 * streak + 0.22 * patch - 0.10) * 6.0;
-        skin[(k.max(0.0) as usize).min(3)]
+        let patch = noise(p / r * 1.2, seed + 3);
+        // Pale in the cavity, full colour from the shoulder on.
+        let along = if p.y > 0.0 { p.x.hypot(p.z) / r } else { 1.0 };
+        let t = smoothstep(0.10, 0.95, along + 0.20 * streak + 0.30 * patch);
+        step(skin, t, noise(p / 0.003, seed + 4))
     });
     let shape = Shape::star(&mesh);
     mesh.append(stalk(pole(0.0) - DVec3::Y * 0.001, r * 0.62, 0.0015, rng));
@@ -99,7 +126,7 @@ pub fn apple(r: f64, rows: usize, skin: Blush, rng: &mut Rng) -> Fruit {
 }
 
 /// Pear, `size` tall without its stem.
-pub fn pear(size: f64, skin: Blush, rng: &mut Rng) -> Fruit {
+pub fn pear(size: f64, skin: &Ramp, rng: &mut Rng) -> Fruit {
     let seed = rng.range(0.0, 1e6) as u64;
     let bend = rng.direction() * DVec3::new(1.0, 0.0, 1.0) * 0.10 * size;
     let point = |t: f64, a: f64| {
@@ -125,11 +152,12 @@ pub fn pear(size: f64, skin: Blush, rng: &mut Rng) -> Fruit {
         skin[0],
     );
     mesh.paint(|p| {
-        let blush = noise(p / size * 2.2, seed + 2)
-            + 0.55 * noise(p / size * 22.0, seed + 3)
-            + 1.2 * p.x / size;
-        let k = (blush + 0.42) * 3.2;
-        skin[(k.max(0.0) as usize).min(3)]
+        let cheek = p.x / size * 1.3 + 0.45 * noise(p / size * 2.4, seed + 2);
+        step(
+            skin,
+            smoothstep(-0.25, 0.75, cheek),
+            noise(p / 0.0025, seed + 3),
+        )
     });
     let shape = Shape::star(&mesh);
     mesh.append(stalk(
@@ -151,7 +179,7 @@ pub fn orange(r: f64, n: i32, skin: Material, rng: &mut Rng) -> Fruit {
             - 0.025 * (-((PI - polar) / 0.14).powi(2)).exp();
         let pits =
             noise(d * (r / 0.0052), seed + 2).max(-0.15) + 0.4 * noise(d * (r / 0.0085), seed + 3);
-        r * (1.0 - 0.035 * d.y * d.y + uneven + stem) - 0.00042 * pits
+        r * (1.0 - 0.035 * d.y * d.y + uneven + stem) - 0.00065 * pits
     };
     let mut mesh = Mesh::star(n, radius, skin);
     let shape = Shape::star(&mesh);
@@ -217,8 +245,8 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
         banana.paint(|p| {
             let speck = noise(p / 0.006, seed) + 0.6 * noise(p / 0.014, seed + 1);
             match (p.distance(neck), p.distance(tip)) {
-                (_, d) if d < 0.0055 => "banana_tip",
-                (_, d) if d < 0.016 + 0.004 * speck => "banana_green",
+                (_, d) if d < 0.0095 + 0.001 * speck => "banana_tip",
+                (_, d) if d < 0.021 + 0.004 * speck => "banana_green",
                 (d, _) if d < 0.034 + 0.006 * speck => "banana_green",
                 _ if speck > 1.02 => "banana_tip",
                 _ => body,
@@ -272,26 +300,29 @@ pub fn grape(r: f64, skin: Material) -> Mesh {
 pub fn leaf(length: f64, droop: f64, skin: Material) -> Mesh {
     const STEPS: usize = 18;
     let width = |t: f64| 0.23 * length * (PI * t.powf(0.82)).sin().max(0.0).powf(0.75) + 0.0008;
-    let ring = |i: usize| -> Vec<DVec3> {
-        let t = i as f64 / STEPS as f64;
-        let side = |k: i32| {
-            let u = f64::from(k) / 6.0;
-            let fold = 0.22 * u.abs() * width(t) + 0.0016 * (9.0 * PI * t + u.abs()).sin() * u * u;
-            let vein = -0.0009 * (-(u / 0.12).powi(2)).exp();
-            DVec3::new(
-                t * length - 0.06 * length * u * u * t,
-                fold + vein - droop * t * t * length,
-                u * width(t),
-            )
+    // `lift` separates the two sides; they meet in a crease along the outline.
+    let point = |i: usize, k: i32, lift: f64| {
+        let (t, u) = (i as f64 / STEPS as f64, f64::from(k) / 6.0);
+        let fold = 0.22 * u.abs() * width(t) + 0.0016 * (9.0 * PI * t + u.abs()).sin() * u * u;
+        let vein = -0.0009 * (-(u / 0.12).powi(2)).exp();
+        let thick = if i == 0 || i == STEPS || k.abs() == 6 {
+            0.0
+        } else {
+            lift
         };
-        let (upper, lower) = (DVec3::Y * 0.00035, DVec3::Y * -0.00035);
-        let over = (-6..=6).map(|k| side(k) + if k.abs() < 6 { upper } else { DVec3::ZERO });
-        over.chain((-5..=5).rev().map(|k| side(k) + lower))
-            .collect()
+        DVec3::new(
+            t * length - 0.06 * length * u * u * t,
+            fold + vein + thick - droop * t * t * length,
+            u * width(t),
+        )
     };
-    let rows: Vec<_> = (0..=STEPS).map(ring).collect();
-    let tip = DVec3::new(length * 1.01, -droop * length * 1.02, 0.0);
-    let mut mesh = Mesh::skin(&rows, Ends::Points(DVec3::X * -0.001, tip), skin);
+    let mut mesh = Mesh::patch(12, STEPS, |k, i| point(i, k as i32 - 6, 0.00035), skin);
+    mesh.append(Mesh::patch(
+        STEPS,
+        12,
+        |i, k| point(i, k as i32 - 6, -0.00035),
+        skin,
+    ));
     let petiole = [
         DVec3::new(-0.014, -0.004, 0.0),
         DVec3::new(-0.007, -0.001, 0.0),

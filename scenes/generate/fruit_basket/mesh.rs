@@ -184,6 +184,20 @@ impl Mesh {
         mesh
     }
 
+    /// Flat polygon around its centroid, facing the side from which `border` is counter-clockwise.
+    pub fn fan(border: &[DVec3], material: Material) -> Self {
+        let n = border.len();
+        let mut mesh = Self {
+            positions: border.to_vec(),
+            triangles: (0..n).map(|i| [i, (i + 1) % n, n]).collect(),
+            materials: vec![material; n],
+            ..Self::default()
+        };
+        mesh.positions.push(border.iter().sum::<DVec3>() / n as f64);
+        mesh.smooth();
+        mesh
+    }
+
     fn quad(&mut self, [a, b, c, d]: [usize; 4]) {
         self.triangles.push([a, b, c]);
         self.triangles.push([a, c, d]);

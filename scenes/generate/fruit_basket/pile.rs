@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::fruit::{self, Blush, Fruit};
+use super::fruit::{self, CRIMSON, Fruit, GALA, GREEN, PEAR, RED, RIPE, Ramp};
 use super::mesh::{Material, Mesh};
 use super::random::Rng;
 use super::settle::{Body, Link, Shape, settle};
@@ -16,13 +16,6 @@ pub struct Object {
     /// Its surface, in world space.
     pub mesh: Mesh,
 }
-
-const RED: Blush = ["apple_yellow", "apple_red", "apple_red", "apple_red"];
-const DEEP: Blush = ["apple_green", "apple_red", "apple_crimson", "apple_crimson"];
-const GREEN: Blush = ["apple_green", "apple_green", "apple_green", "apple_green"];
-const GALA: Blush = ["apple_yellow", "apple_yellow", "apple_gala", "apple_gala"];
-const PEAR: Blush = ["pear_green", "pear_green", "pear_green", "pear_yellow"];
-const RIPE: Blush = ["pear_yellow", "pear_yellow", "pear_yellow", "pear_blush"];
 
 /// Turns the stem from +y toward `stem` after a turn of `spin` about it.
 fn tilted(stem: [f64; 3], spin: f64) -> DQuat {
@@ -70,8 +63,8 @@ type Placement = (Kind, [f64; 3], [f64; 3], f64);
 
 #[derive(Clone, Copy)]
 enum Kind {
-    Apple(f64, Blush),
-    Pear(f64, Blush),
+    Apple(f64, Ramp),
+    Pear(f64, Ramp),
     Orange(f64, Material),
     Bananas(usize),
 }
@@ -81,9 +74,9 @@ impl Kind {
         match self {
             Self::Apple(r, skin) => (
                 "apple",
-                fruit::apple(r, if hidden { 20 } else { 30 }, skin, rng),
+                fruit::apple(r, if hidden { 20 } else { 30 }, &skin, rng),
             ),
-            Self::Pear(size, skin) => ("pear", fruit::pear(size, skin, rng)),
+            Self::Pear(size, skin) => ("pear", fruit::pear(size, &skin, rng)),
             Self::Orange(r, skin) => (
                 "orange",
                 fruit::orange(r, if hidden { 12 } else { 22 }, skin, rng),
@@ -126,7 +119,7 @@ const BOTTOM: &[Placement] = &[
         3.0,
     ),
     (
-        Kind::Apple(0.038, DEEP),
+        Kind::Apple(0.038, CRIMSON),
         [-0.043, 0.095, -0.075],
         [-0.2, 1.0, -0.3],
         4.0,
@@ -166,7 +159,7 @@ const TOP: &[Placement] = &[
         0.5,
     ),
     (
-        Kind::Apple(0.0375, DEEP),
+        Kind::Apple(0.0375, CRIMSON),
         [-0.055, 0.168, -0.085],
         [-0.3, 0.9, 0.1],
         1.5,
@@ -237,7 +230,7 @@ const STALK: &[[f64; 3]] = &[
     [-0.077, 0.141, 0.186],
     [-0.081, 0.118, 0.199],
 ];
-const GRAPES_A_NODE: [usize; 7] = [7, 11, 12, 12, 10, 7, 3];
+const GRAPES_A_NODE: [usize; 7] = [8, 12, 13, 15, 14, 9, 4];
 const GRAPE_SKINS: [Material; 3] = ["grape_1", "grape_2", "grape_3"];
 
 /// Piles everything and returns the fruit in world space, the basket first.

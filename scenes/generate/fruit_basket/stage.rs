@@ -41,10 +41,10 @@ pub fn table() -> Mesh {
     let strip = |from: &dyn Fn(usize) -> DVec3, out: DVec3, n: usize| {
         Mesh::patch(
             n,
-            9,
+            5,
             |i, k| {
                 let p = from(i);
-                let (bottom, angle) = (k > 4, PI / 8.0 * (if k > 4 { k - 1 } else { k }) as f64);
+                let (bottom, angle) = (k > 2, PI / 4.0 * (if k > 2 { k - 1 } else { k }) as f64);
                 let (sin, cos) = angle.sin_cos();
                 // Mitre the corners: stretch the ends of the strip outward along it.
                 let along = DVec3::Y.cross(out);
@@ -68,9 +68,12 @@ pub fn table() -> Mesh {
     mesh.append(strip(&|i| top(i, 0), -DVec3::Z, nx));
     mesh.append(strip(&|j| top(nx, j), DVec3::X, nz));
     mesh.append(strip(&|j| top(0, nz - j), -DVec3::X, nz));
-    // The bottom is flat: one row of triangles between the long borders' columns is enough.
-    let bottom = |i: usize, j: usize| top(i, j * nz).with_y(-THICKNESS);
-    mesh.append(Mesh::patch(nx, 1, bottom, "table"));
+    let border = (0..nx).map(|i| (i, 0)).chain((0..nz).map(|j| (nx, j)));
+    let border = border
+        .chain((1..=nx).rev().map(|i| (i, nz)))
+        .chain((1..=nz).rev().map(|j| (0, j)));
+    let border: Vec<DVec3> = border.map(|(i, j)| top(i, j).with_y(-THICKNESS)).collect();
+    mesh.append(Mesh::fan(&border, "table"));
     mesh
 }
 
@@ -78,7 +81,7 @@ pub fn table() -> Mesh {
 pub fn backdrop() -> Mesh {
     const STEPS: usize = 16;
     const WIDTH: f64 = 5.2;
-    let (wall, floor, radius) = (-1.75, -0.75, 0.55);
+    let (wall, floor, radius) = (-2.60, -0.80, 0.55);
     let mut profile = vec![(1.6, floor, 0.0), (0.4, floor, 0.0)];
     profile.extend((0..=STEPS).map(|i| {
         let a = 0.5 * PI * i as f64 / STEPS as f64;
