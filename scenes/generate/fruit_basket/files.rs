@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use glam::DVec3;
 
-use super::fruit::{CRIMSON, GALA, GREEN, PEAR, RED, RIPE, Ramp};
+use super::fruit::{BANANA, CRIMSON, GALA, GREEN, PEAR, RED, RIPE, Ramp};
 use super::mesh::Material;
 use super::pile::Object;
 
@@ -87,9 +87,6 @@ fn number(x: f64, places: usize) -> String {
 /// Base colour (linear Rec.709), coat roughness (0: no coat).
 const MATERIALS: &[(Material, [f64; 3], f64)] = &[
     ("backdrop", [0.500, 0.490, 0.470], 0.0),
-    ("banana_1", [0.840, 0.560, 0.050], 0.38),
-    ("banana_2", [0.800, 0.500, 0.040], 0.38),
-    ("banana_green", [0.560, 0.560, 0.090], 0.38),
     ("banana_tip", [0.060, 0.035, 0.018], 0.50),
     ("calyx", [0.160, 0.200, 0.050], 0.50),
     ("grape_1", [0.085, 0.012, 0.050], 0.25),
@@ -109,6 +106,7 @@ const MATERIALS: &[(Material, [f64; 3], f64)] = &[
 
 /// Ramps of base colour, first and last step, and their coat roughness.
 const RAMPS: &[(Ramp, [f64; 3], [f64; 3], f64)] = &[
+    (BANANA, [0.440, 0.520, 0.080], [0.880, 0.630, 0.065], 0.38),
     (RED, [0.550, 0.420, 0.070], [0.430, 0.014, 0.016], 0.27),
     (CRIMSON, [0.330, 0.370, 0.060], [0.240, 0.009, 0.016], 0.27),
     (GALA, [0.740, 0.500, 0.110], [0.520, 0.045, 0.026], 0.30),

@@ -41,6 +41,11 @@ pub const PEAR: Ramp = ["pear_1", "pear_2", "pear_3", "pear_4", "pear_5", "pear_
 /// Ripe yellow to a red cheek.
 pub const RIPE: Ramp = ["ripe_1", "ripe_2", "ripe_3", "ripe_4", "ripe_5", "ripe_6"];
 
+/// Green to banana yellow.
+pub const BANANA: Ramp = [
+    "banana_1", "banana_2", "banana_3", "banana_4", "banana_5", "banana_6",
+];
+
 /// Step of the ramp at `t` ∈ [0, 1]; `dither` ∈ [-1, 1] blurs the borders between steps.
 fn step(ramp: &Ramp, t: f64, dither: f64) -> Material {
     ramp[((t * 6.0 + 0.7 * dither).max(0.0) as usize).min(5)]
@@ -147,7 +152,7 @@ pub fn pear(size: f64, skin: &Ramp, rng: &mut Rng) -> Fruit {
     };
     let mean = |t: f64| 0.5 * (point(t, 0.0) + point(t, PI));
     let mut mesh = Mesh::skin(
-        &rings(34, 36, point),
+        &rings(30, 33, point),
         Ends::Points(mean(0.0), mean(PI)),
         skin[0],
     );
@@ -178,8 +183,8 @@ pub fn orange(r: f64, n: i32, skin: Material, rng: &mut Rng) -> Fruit {
         let stem = -0.055 * (-(polar / 0.16).powi(2)).exp()
             - 0.025 * (-((PI - polar) / 0.14).powi(2)).exp();
         let pits =
-            noise(d * (r / 0.0052), seed + 2).max(-0.15) + 0.4 * noise(d * (r / 0.0085), seed + 3);
-        r * (1.0 - 0.035 * d.y * d.y + uneven + stem) - 0.00065 * pits
+            noise(d * (r / 0.0072), seed + 2).max(-0.2) + 0.4 * noise(d * (r / 0.0046), seed + 3);
+        r * (1.0 - 0.035 * d.y * d.y + uneven + stem) - 0.00060 * pits
     };
     let mut mesh = Mesh::star(n, radius, skin);
     let shape = Shape::star(&mesh);
@@ -229,28 +234,28 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
         let turn = rng.range(0.0, TAU);
         let section = move |i: usize, a: f64| {
             // A pentagon with soft edges; no facets where neck and tip are round.
-            let facets = 0.055 * smoothstep(0.006, 0.014, girth(i));
+            let facets = 0.072 * smoothstep(0.006, 0.014, girth(i));
             let a5 = (5.0 * (a + 0.1 * turn)).cos();
             let r = girth(i) * (1.0 + facets * (a5 + 0.25 * a5 * a5));
             (r * a.cos(), r * a.sin())
         };
-        let mut banana = Mesh::sweep(&path, |_| yaw * DVec3::Z, 20, false, section, "banana_1");
+        let mut banana = Mesh::sweep(&path, |_| yaw * DVec3::Z, 20, false, section, BANANA[5]);
         let (neck, tip) = (path[0], path[STEPS]);
         let seed = rng.range(0.0, 1e6) as u64;
-        let body = if index % 2 == 0 {
-            "banana_1"
-        } else {
-            "banana_2"
-        };
+        let ripe = if index % 2 == 0 { 1.0 } else { 0.86 };
         banana.paint(|p| {
-            let speck = noise(p / 0.006, seed) + 0.6 * noise(p / 0.014, seed + 1);
-            match (p.distance(neck), p.distance(tip)) {
-                (_, d) if d < 0.0095 + 0.001 * speck => "banana_tip",
-                (_, d) if d < 0.021 + 0.004 * speck => "banana_green",
-                (d, _) if d < 0.034 + 0.006 * speck => "banana_green",
-                _ if speck > 1.02 => "banana_tip",
-                _ => body,
+            let (from_neck, from_tip) = (p.distance(neck), p.distance(tip));
+            let uneven = noise(p / 0.012, seed);
+            if from_tip < 0.0095 + 0.001 * uneven {
+                return "banana_tip";
             }
+            let stem = smoothstep(0.012, 0.050, from_neck + 0.006 * uneven);
+            let end = smoothstep(0.006, 0.034, from_tip + 0.004 * uneven);
+            step(
+                &BANANA,
+                ripe * stem * (0.35 + 0.65 * end),
+                noise(p / 0.003, seed + 1),
+            )
         });
         mesh.append(banana);
         balls.extend((1..STEPS).step_by(2).map(|i| (path[i], girth(i))));
@@ -268,13 +273,13 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
     let mut stub = Mesh::skin(
         &rings(10, 16, crown),
         Ends::Points(crown(0.0, 0.0), crown(PI, 0.0)),
-        "banana_green",
+        BANANA[0],
     );
     stub.paint(|p| {
         if p.x < centre.x - 0.004 {
             "banana_tip"
         } else {
-            "banana_green"
+            BANANA[0]
         }
     });
     mesh.append(stub);

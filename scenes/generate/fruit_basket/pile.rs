@@ -65,7 +65,7 @@ type Placement = (Kind, [f64; 3], [f64; 3], f64);
 enum Kind {
     Apple(f64, Ramp),
     Pear(f64, Ramp),
-    Orange(f64, Material),
+    Orange(f64, i32, Material),
     Bananas(usize),
 }
 
@@ -74,13 +74,10 @@ impl Kind {
         match self {
             Self::Apple(r, skin) => (
                 "apple",
-                fruit::apple(r, if hidden { 20 } else { 30 }, &skin, rng),
+                fruit::apple(r, if hidden { 16 } else { 30 }, &skin, rng),
             ),
             Self::Pear(size, skin) => ("pear", fruit::pear(size, &skin, rng)),
-            Self::Orange(r, skin) => (
-                "orange",
-                fruit::orange(r, if hidden { 12 } else { 22 }, skin, rng),
-            ),
+            Self::Orange(r, n, skin) => ("orange", fruit::orange(r, n, skin, rng)),
             Self::Bananas(count) => ("bananas", fruit::bananas(count, rng)),
         }
     }
@@ -89,7 +86,7 @@ impl Kind {
 /// The lowest layer, of which little is seen.
 const BOTTOM: &[Placement] = &[
     (
-        Kind::Orange(0.037, "orange_1"),
+        Kind::Orange(0.037, 10, "orange_1"),
         [0.000, 0.095, 0.000],
         [0.0, 1.0, 0.0],
         0.0,
@@ -101,7 +98,7 @@ const BOTTOM: &[Placement] = &[
         0.4,
     ),
     (
-        Kind::Orange(0.038, "orange_2"),
+        Kind::Orange(0.038, 10, "orange_2"),
         [0.043, 0.095, 0.075],
         [0.1, 1.0, 0.5],
         1.0,
@@ -113,7 +110,7 @@ const BOTTOM: &[Placement] = &[
         2.0,
     ),
     (
-        Kind::Orange(0.038, "orange_1"),
+        Kind::Orange(0.038, 10, "orange_1"),
         [-0.086, 0.095, 0.000],
         [-0.4, 1.0, 0.2],
         3.0,
@@ -135,13 +132,13 @@ const BOTTOM: &[Placement] = &[
 /// What shows above the rim, and what lies beside the basket.
 const TOP: &[Placement] = &[
     (
-        Kind::Apple(0.0390, RED),
-        [0.008, 0.165, 0.096],
+        Kind::Apple(0.0415, RED),
+        [0.016, 0.172, 0.090],
         [0.15, 0.85, 0.55],
         0.3,
     ),
     (
-        Kind::Orange(0.0395, "orange_1"),
+        Kind::Orange(0.0395, 28, "orange_1"),
         [0.088, 0.165, 0.062],
         [0.50, 0.75, 0.55],
         1.2,
@@ -165,7 +162,7 @@ const TOP: &[Placement] = &[
         1.5,
     ),
     (
-        Kind::Orange(0.0370, "orange_2"),
+        Kind::Orange(0.0370, 18, "orange_2"),
         [0.030, 0.168, -0.095],
         [0.1, 0.9, 0.3],
         2.5,
@@ -177,7 +174,7 @@ const TOP: &[Placement] = &[
         3.1,
     ),
     (
-        Kind::Orange(0.0375, "orange_2"),
+        Kind::Orange(0.0375, 18, "orange_2"),
         [0.000, 0.175, 0.012],
         [0.2, 0.9, 0.5],
         2.9,
@@ -207,7 +204,7 @@ const TOP: &[Placement] = &[
         0.9,
     ),
     (
-        Kind::Orange(0.0390, "orange_2"),
+        Kind::Orange(0.0390, 28, "orange_2"),
         [0.142, 0.045, 0.165],
         [0.35, 0.70, 0.60],
         0.2,
@@ -268,7 +265,7 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
         p.y > wicker::RIM_HEIGHT
             && !bodies
                 .iter()
-                .any(|b| b.shape.touches(b.position, b.rotation, p, 0.011))
+                .any(|b| b.shape.touches(b.position, b.rotation, p, 0.017))
     };
     while free(drop) {
         drop += 0.0005;

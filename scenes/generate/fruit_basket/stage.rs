@@ -27,7 +27,7 @@ fn spread(i: usize, n: usize) -> f64 {
 
 /// The table's top, rounded edge, sides and bottom.
 pub fn table() -> Mesh {
-    const N: [usize; 2] = [80, 58];
+    const N: [usize; 2] = [72, 52];
     let inner = [HALF[0] - EDGE, HALF[1] - EDGE];
     let top = |i: usize, j: usize| {
         let (x, z) = (

@@ -95,8 +95,8 @@ fn weaver(row: usize) -> Mesh {
 
 fn stake(index: usize) -> Mesh {
     let angle = TAU * index as f64 / STAKES as f64;
-    let path: Vec<DVec3> = (0..=9)
-        .map(|i| f64::from(i) / 9.0)
+    let path: Vec<DVec3> = (0..=7)
+        .map(|i| f64::from(i) / 7.0)
         .map(|s| polar(wall_radius(s), angle, wall_height(s)))
         .collect();
     let section = |_, a: f64| (STAKE.0 * a.cos(), STAKE.1 * a.sin());
@@ -165,7 +165,7 @@ fn ear(angle: f64) -> Mesh {
         turns: 7.0,
         strand: 0.0037,
         helix: 0.0038,
-        steps: 60,
+        steps: 50,
         materials: &["wicker", "wicker_light"],
     };
     let mut mesh = rope.build(false, arch);
