@@ -304,20 +304,19 @@ pub fn grape(r: f64, skin: Material) -> Mesh {
 /// A leaf of `length` from the origin along +x, its face up, drooping at the tip.
 pub fn leaf(length: f64, droop: f64, skin: Material) -> Mesh {
     const STEPS: usize = 18;
-    let width = |t: f64| 0.23 * length * (PI * t.powf(0.82)).sin().max(0.0).powf(0.75) + 0.0008;
-    // `lift` separates the two sides; they meet in a crease along the outline.
+    let width = |t: f64| 0.23 * length * (PI * t.powf(0.82)).sin().max(0.0).powf(0.75) + 0.0014;
+    // `lift` parts the two sides; they meet in a crease along the outline.
     let point = |i: usize, k: i32, lift: f64| {
         let (t, u) = (i as f64 / STEPS as f64, f64::from(k) / 6.0);
-        let fold = 0.22 * u.abs() * width(t) + 0.0016 * (9.0 * PI * t + u.abs()).sin() * u * u;
-        let vein = -0.0009 * (-(u / 0.12).powi(2)).exp();
-        let thick = if i == 0 || i == STEPS || k.abs() == 6 {
-            0.0
-        } else {
-            lift
-        };
+        // Waves, vein and thickness shrink with the leaf.
+        let size = (width(t) / 0.012).min(1.0);
+        let wave = 0.0016 * size * (9.0 * PI * t + u.abs()).sin() * u * u;
+        let vein = -0.0009 * size * (-(u / 0.12).powi(2)).exp();
+        let ends = if i == 0 || i == STEPS { 0.0 } else { size };
+        let thick = lift * ends * (1.0 - u * u);
         DVec3::new(
-            t * length - 0.06 * length * u * u * t,
-            fold + vein + thick - droop * t * t * length,
+            t * length - 0.2 * width(t) * u * u * t,
+            0.22 * u.abs() * width(t) + wave + vein + thick - droop * t * t * length,
             u * width(t),
         )
     };
