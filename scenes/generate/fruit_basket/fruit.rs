@@ -207,6 +207,7 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
     const STEPS: usize = 32;
     let mut mesh = Mesh::default();
     let mut balls = Vec::new();
+    let mut necks = Vec::new();
     for index in 0..count {
         let place = index as f64 - 0.5 * (count as f64 - 1.0);
         let (bend, half) = (rng.range(0.100, 0.112), rng.range(0.80, 0.90));
@@ -241,6 +242,7 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
         };
         let mut banana = Mesh::sweep(&path, |_| yaw * DVec3::Z, 20, false, section, BANANA[5]);
         let (neck, tip) = (path[0], path[STEPS]);
+        necks.push(neck);
         let seed = rng.range(0.0, 1e6) as u64;
         let ripe = if index % 2 == 0 { 1.0 } else { 0.86 };
         banana.paint(|p| {
@@ -260,23 +262,23 @@ pub fn bananas(count: usize, rng: &mut Rng) -> Fruit {
         mesh.append(banana);
         balls.extend((1..STEPS).step_by(2).map(|i| (path[i], girth(i))));
     }
+    // The crown holds the necks together and ends in a dark cut.
+    let centre = necks.iter().sum::<DVec3>() / count as f64 - DVec3::X * 0.003;
+    let half_width = 0.0034 * (count as f64 - 1.0) + 0.0065;
     let crown = |t: f64, a: f64| {
         let (sin, cos) = t.sin_cos();
-        let width = 0.0085 + 0.0062 * count as f64 * 0.5;
-        DVec3::new(
-            -0.0885 + 0.010 * sin * a.cos(),
-            0.0045 + 0.0085 * sin * a.sin(),
-            width * cos,
-        )
+        let across = sin.sqrt();
+        centre
+            + DVec3::new(
+                0.012 * across * a.cos(),
+                0.0078 * across * a.sin(),
+                half_width * cos,
+            )
     };
-    let centre = crown(0.5 * PI, 0.5 * PI).with_y(0.0);
-    let mut stub = Mesh::skin(
-        &rings(10, 16, crown),
-        Ends::Points(crown(0.0, 0.0), crown(PI, 0.0)),
-        BANANA[0],
-    );
+    let poles = Ends::Points(crown(0.0, 0.0), crown(PI, 0.0));
+    let mut stub = Mesh::skin(&rings(12, 16, crown), poles, BANANA[0]);
     stub.paint(|p| {
-        if p.x < centre.x - 0.004 {
+        if p.x < centre.x - 0.007 {
             "banana_tip"
         } else {
             BANANA[0]
