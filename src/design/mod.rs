@@ -22,7 +22,7 @@ use crate::{
     film::{exr::write_exr, image_file::write_png},
     integrator::{Integrator, Observer, RenderError, aov},
     math::{display::LuminanceMode, hash::hash_words},
-    objective::{Evaluation, JackknifeEstimate, Objective, ObjectiveError, Target},
+    objective::{Evaluation, JackknifeEstimate, Objective, ObjectiveError, Target, Term},
     optim::{OptimError, StopReason},
     params::{ParamVector, survey, survey::SurveyError},
     sampler::SamplerKind,
@@ -211,7 +211,10 @@ pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter:
     let initial = shot.measure(&objective)?.estimate;
     reporter.note(&format!("start: f_q {:.4} ± {:.4}", initial.evaluation.f_q, initial.error_bar()));
 
+    let means = [Term::MeanObj, Term::MeanBack].map(|t| options.target.target(t));
+    let starts = survey::starts(scene, &unit.picture, &aovs.mask, &variables, means, options.luminance);
     let found = optimise::by_differences(
+        &starts,
         optimise::Problem { scene, camera: &camera, objective: &objective, variables: &variables, aovs: &aovs, options },
         &mut dir,
         &mut renders,

@@ -15,18 +15,27 @@ use crate::{
     scene::Scene,
 };
 
-/// Smoothing of the residuals, restart by restart, with each one's share of
-/// the evaluations.
-const STAGES: [(f64, f64); 3] =
-    [(Smoothing::DELTA_FIRST, 0.4), (5e-3, 0.35), (Smoothing::DELTA_LAST, 0.25)];
+/// One of the restarts.
+struct Stage {
+    /// Smoothing of the residuals.
+    delta: f64,
+    /// Share of the evaluations.
+    share: f64,
+    /// Largest component of the first trial step: NLopt tries x0 − ∇f, so f is
+    /// scaled to make that a sane step.
+    first_step: f64,
+}
+
+const STAGES: [Stage; 3] = [
+    Stage { delta: Smoothing::DELTA_FIRST, share: 0.5, first_step: 0.2 },
+    Stage { delta: 5e-3, share: 0.3, first_step: 0.05 },
+    Stage { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.02 },
+];
 /// Replicates of an evaluation, from which its error is estimated.
 const REPLICATES: u32 = 4;
 /// Function values from which the noise is estimated, and their spacing.
 const NOISE_POINTS: usize = 7;
 const NOISE_SPACING: f64 = 1e-3;
-/// Largest component of the first trial step: NLopt tries x0 − ∇f, so f is
-/// scaled to make that a sane step.
-const FIRST_STEP: f64 = 0.2;
 
 /// What is optimised.
 pub struct Problem<'a> {
@@ -60,8 +69,9 @@ struct Search<'a, R> {
     best: Option<(f64, Vec<f64>)>,
 }
 
-/// Optimises from the variables' start.
+/// Optimises from the best of `starts`.
 pub fn by_differences(
+    starts: &[(String, Vec<f64>)],
     problem: Problem<'_>,
     dir: &mut RunDir,
     renders: &mut u64,
@@ -69,15 +79,15 @@ pub fn by_differences(
 ) -> Result<Found, RunError> {
     let n = problem.variables.len();
     let budget = problem.options.max_evaluations;
-    let start = problem.variables.start();
     let mut search =
         Search { problem, dir, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
     reporter.stage("optimising", None);
+    let start = search.choose(starts)?;
     search.step = search.find_step(&start)?;
 
     let mut u = start.clone();
     let mut stop = StopReason::NoProgress;
-    for (i, (delta, share)) in STAGES.into_iter().enumerate() {
+    for (i, Stage { delta, share, first_step }) in STAGES.into_iter().enumerate() {
         let left = budget - search.evaluations;
         let allowed = if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
         if left == 0 {
@@ -91,7 +101,7 @@ pub fn by_differences(
             match search.evaluate(u, &smoothing) {
                 Ok((f, slopes)) => {
                     let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
-                    let c = *scale.get_or_insert(if steepest > FIRST_STEP { FIRST_STEP / steepest } else { 1.0 });
+                    let c = *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
                     for (g, s) in gradient.iter_mut().zip(slopes) {
                         *g = c * s;
                     }
@@ -125,6 +135,26 @@ impl<R: Reporter> Search<'_, R> {
         variables.apply(scene, &variables.decode(u));
         *self.renders += 1;
         Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
+    }
+
+    /// The start with the least f_q.
+    fn choose(&mut self, starts: &[(String, Vec<f64>)]) -> Result<Vec<f64>, RunError> {
+        let mut best: Option<(f64, &(String, Vec<f64>))> = None;
+        for start in starts {
+            let f_q = self.shoot(&start.1, Purpose::Optimise)?.smoothed(self.problem.objective, &Smoothing::NONE);
+            self.dir.log_evaluation(&json!({
+                "start": start.0,
+                "x": self.problem.variables.named(&self.problem.variables.decode(&start.1)),
+                "f_q": f_q,
+                "renders": *self.renders,
+            }))?;
+            if best.is_none_or(|(least, _)| f_q < least) {
+                best = Some((f_q, start));
+            }
+        }
+        let Some((f_q, (name, u))) = best else { return Err(OptimError::NoVariables.into()) };
+        self.reporter.note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
+        Ok(u.clone())
     }
 
     /// The step of the differences, from the noise of f along the diagonal.

@@ -31,6 +31,8 @@ pub enum VariableKind {
 pub enum Scale {
     /// Proportional.
     Linear,
+    /// In equal ratios: `lower·(upper/lower)^u`, for a positive lower bound.
+    Logarithmic,
     /// By the sRGB transfer function: even steps look even, and the slope at
     /// the lower bound is not zero, so that a light that is off can come on.
     Perceptual,
@@ -63,8 +65,13 @@ impl Variable {
         let t = match self.scale {
             Scale::Linear => u,
             Scale::Perceptual => eotf_srgb(u),
+            Scale::Logarithmic => return self.lower * (self.upper / self.lower).powf(u),
         };
         self.lower + (self.upper - self.lower) * t
+    }
+
+    fn ratio(&self) -> f64 {
+        (self.upper / self.lower).ln()
     }
 
     /// The `u` of a value, cut to [0, 1].
@@ -77,6 +84,7 @@ impl Variable {
         match self.scale {
             Scale::Linear => t,
             Scale::Perceptual => oetf_srgb(t),
+            Scale::Logarithmic => (value / self.lower).max(1.0).ln().min(self.ratio()) / self.ratio(),
         }
     }
 }
@@ -144,11 +152,11 @@ mod tests {
 
     #[test]
     fn scales_invert_and_a_light_that_is_off_can_come_on() {
-        for scale in [Scale::Linear, Scale::Perceptual] {
+        for (scale, lower) in [(Scale::Linear, 0.0), (Scale::Perceptual, 0.0), (Scale::Logarithmic, 0.5)] {
             let v = Variable {
                 name: "a".into(),
                 unit: "",
-                lower: 0.0,
+                lower,
                 upper: 8.0,
                 initial: 1.0,
                 scale,
@@ -158,8 +166,8 @@ mod tests {
                 let u = f64::from(i) / 10.0;
                 assert!((v.encode(v.decode(u)) - u).abs() < 1e-12);
             }
-            assert_eq!((v.decode(0.0), v.decode(1.0)), (0.0, 8.0));
-            assert!(v.decode(1e-6) / 1e-6 > 0.05 * 8.0);
+            assert_eq!((v.decode(0.0), v.decode(1.0)), (lower, 8.0));
+            assert!((v.decode(1e-6) - lower) / 1e-6 > 0.05 * 8.0);
         }
     }
 }

@@ -4,11 +4,14 @@
 //! * sizes: [`super::bounds`], narrowed by the sidecar's `size_range`;
 //! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
 //!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
-//! * `L_max`: the radiance at which the light alone, at its initial size,
-//!   brings the picture's mean display luminance to [`BRIGHT`] of what it can
-//!   reach at any radiance;
-//! * start: every light contributes the same mean luminance, and together
-//!   they bring the picture's mean display luminance to [`START`].
+//! * `L_max`: [`HEADROOM`] times the radiance at which the light alone, at its
+//!   initial size, shows what it lights at [`BRIGHT`]: the mean of display
+//!   luminance, each pixel weighted by the luminance it receives;
+//! * neutral start: every light contributes the same mean luminance, and
+//!   together they bring the picture's mean display luminance to [`START`];
+//! * matched starts: the object's mean display luminance is the target's, by
+//!   all lights alike or by one light alone, and the background's value is
+//!   what brings the background nearest to its own target.
 
 use glam::UVec2;
 
@@ -19,8 +22,10 @@ use crate::{
     scene::{Scene, sidecar::FreeKind, sidecar::FreeVariables},
 };
 
-/// Share of the reachable display luminance that defines `L_max`.
-pub const BRIGHT: f64 = 0.8;
+/// Display luminance of what a light lights when it is taken to be white.
+pub const BRIGHT: f64 = 0.9;
+/// `L_max` over the radiance that reaches [`BRIGHT`].
+pub const HEADROOM: f64 = 4.0;
 /// Mean display luminance of the start.
 pub const START: f64 = 0.35;
 /// Least value factor of the background.
@@ -99,18 +104,23 @@ pub fn value_range(scene: &Scene) -> Option<[f32; 2]> {
     })
 }
 
-/// Mean display luminance of `y` at `gain`.
-fn mean_display(y: &[f64], gain: f64, exposure: f64, mode: LuminanceMode) -> f64 {
-    y.iter().map(|&y| mode.encode(y * gain, exposure)).sum::<f64>() / y.len() as f64
-}
-
-/// The gain at which the mean display luminance of `y` is `target`, by
-/// bisection in the exponent.
-fn gain_for(y: &[f64], target: f64, exposure: f64, mode: LuminanceMode) -> f64 {
+/// The gain at which the mean display luminance of `y`, weighted by `weight`
+/// of each value, is `target`; by bisection in the exponent.
+fn gain_for(
+    y: impl Iterator<Item = f64> + Clone,
+    weight: impl Fn(f64) -> f64,
+    target: f64,
+    exposure: f64,
+    mode: LuminanceMode,
+) -> f64 {
+    let total: f64 = y.clone().map(&weight).sum();
+    let display = |gain: f64| {
+        y.clone().map(|y| weight(y) * mode.encode(y * gain, exposure)).sum::<f64>() / total
+    };
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
     for _ in 0..80 {
         let mid = 0.5 * (lo + hi);
-        if mean_display(y, mid.exp2(), exposure, mode) < target {
+        if display(mid.exp2()) < target {
             lo = mid;
         } else {
             hi = mid;
@@ -135,7 +145,7 @@ impl Alike {
         let alike: Vec<f64> = (0..unit.rgb.len())
             .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
             .collect();
-        let gain = gain_for(&alike, START, f64::from(scene.exposure), mode);
+        let gain = gain_for(alike.iter().copied(), |_| 1.0, START, f64::from(scene.exposure), mode);
         Self { images, means, gain }
     }
 }
@@ -163,8 +173,7 @@ pub fn variables(
     for (i, light) in scene.lights.iter().enumerate() {
         let limits = &scene.light_bounds[i];
         if free.contains(FreeKind::Radiance) && limits.radiance_free {
-            let reach = images[i].iter().filter(|&&y| y > 0.0).count() as f64 / images[i].len() as f64;
-            let found = gain_for(&images[i], BRIGHT * reach, e, mode);
+            let found = HEADROOM * gain_for(images[i].iter().copied(), |y| y, BRIGHT, e, mode);
             let upper = limits.radiance_max.map_or(found, f64::from);
             variables.push(Variable {
                 name: format!("{}.radiance", light.name),
@@ -183,7 +192,7 @@ pub fn variables(
                 lower: f64::from(lo),
                 upper: f64::from(hi),
                 initial: f64::from(light.size),
-                scale: Scale::Linear,
+                scale: Scale::Logarithmic,
                 kind: VariableKind::Size(i),
             });
         }
@@ -203,4 +212,44 @@ pub fn variables(
         return Err(SurveyError::NothingFree);
     }
     Ok(ParamVector { variables })
+}
+
+/// Where a search may begin, in the optimiser's units, each with a name: the
+/// neutral start first, then the matched ones.
+///
+/// * `mask`: the main object, over the pixels of `unit`
+/// * `t_object`, `t_background`: target means of display luminance
+#[must_use]
+pub fn starts(
+    scene: &Scene,
+    unit: &Picture,
+    mask: &[bool],
+    variables: &ParamVector,
+    [t_object, t_background]: [f64; 2],
+    mode: LuminanceMode,
+) -> Vec<(String, Vec<f64>)> {
+    let e = f64::from(scene.exposure);
+    let Alike { images, means, .. } = Alike::new(scene, unit, mode);
+    let mut out = vec![("all lights alike".to_owned(), variables.start())];
+    let n = images.len();
+    let alone = (0..n).map(|l| (format!("`{}` alone", scene.lights[l].name), vec![l]));
+    for (name, lit) in std::iter::once(("all lights alike, matched".to_owned(), (0..n).collect())).chain(alone) {
+        let total: Vec<f64> = (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();
+        let of = |main: bool| total.iter().zip(mask).filter(move |(_, m)| **m == main).map(|(y, _)| *y);
+        let gain = gain_for(of(true), |_| 1.0, t_object, e, mode);
+        // The background's luminance is about proportional to its value.
+        let value = gain_for(of(false), |_| 1.0, t_background, e, mode) / gain;
+        let u = variables
+            .variables
+            .iter()
+            .map(|v| match v.kind {
+                VariableKind::Radiance(l) if lit.contains(&l) => v.encode(gain / means[l]),
+                VariableKind::Radiance(_) => 0.0,
+                VariableKind::Size(_) => v.encode(v.initial),
+                VariableKind::Background => v.encode(value * v.initial),
+            })
+            .collect();
+        out.push((name, u));
+    }
+    out
 }
