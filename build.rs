@@ -18,20 +18,12 @@ fn main() {
     stamp("EMBREE", env::var("DEP_EMBREE_VERSION").ok());
     stamp("TARGET", env::var("TARGET").ok());
     stamp("TARGET_FEATURES", env::var("CARGO_CFG_TARGET_FEATURE").ok());
-    stamp(
-        "RUSTC",
-        env::var("RUSTC")
-            .ok()
-            .and_then(|rustc| run(&rustc, &["--version"])),
-    );
+    stamp("RUSTC", env::var("RUSTC").ok().and_then(|rustc| run(&rustc, &["--version"])));
     stamp("PROFILE", env::var("PROFILE").ok());
 }
 
 fn stamp(name: &str, value: Option<String>) {
-    println!(
-        "cargo::rustc-env=LIGHTOPT_{name}={}",
-        value.as_deref().unwrap_or("unknown")
-    );
+    println!("cargo::rustc-env=LIGHTOPT_{name}={}", value.as_deref().unwrap_or("unknown"));
 }
 
 /// Short commit with `-dirty` when a source differs from it; `None` outside git.
@@ -52,11 +44,7 @@ fn commit() -> Option<String> {
     let mut status = vec!["--no-optional-locks", "status", "--porcelain", "--"];
     status.extend(SOURCES);
     let dirty = !run("git", &status)?.is_empty();
-    Some(if dirty {
-        format!("{commit}-dirty")
-    } else {
-        commit
-    })
+    Some(if dirty { format!("{commit}-dirty") } else { commit })
 }
 
 fn run(program: &str, args: &[&str]) -> Option<String> {

@@ -16,16 +16,9 @@ const N_PHI: u32 = 256;
 
 fn ball() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let point = |i: u32, j: u32| {
-        let (theta, phi) = (
-            PI * i as f32 / N_THETA as f32,
-            TAU * j as f32 / N_PHI as f32,
-        );
+        let (theta, phi) = (PI * i as f32 / N_THETA as f32, TAU * j as f32 / N_PHI as f32);
         let r = 0.5 + 0.03 * (20.0 * theta).sin() * (20.0 * phi).cos();
-        r * Vec3::new(
-            theta.sin() * phi.cos(),
-            theta.cos(),
-            theta.sin() * phi.sin(),
-        )
+        r * Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
     };
     let id = |i, j| i * (N_PHI + 1) + j;
     let positions = (0..=N_THETA).flat_map(|i| (0..=N_PHI).map(move |j| point(i, j)));
@@ -38,19 +31,9 @@ fn ball() -> (Vec<Vec3>, Vec<[u32; 3]>) {
 }
 
 fn room() -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let corner =
-        |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0;
-    let walls = [
-        [0, 1, 2, 3],
-        [4, 5, 6, 7],
-        [0, 1, 4, 5],
-        [2, 3, 6, 7],
-        [0, 2, 4, 6],
-        [1, 3, 5, 7],
-    ];
-    let indices = walls
-        .iter()
-        .flat_map(|&[a, b, c, d]| [[a, b, c], [b, d, c]]);
+    let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0;
+    let walls = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]];
+    let indices = walls.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [b, d, c]]);
     ((0..8).map(corner).collect(), indices.collect())
 }
 
@@ -64,29 +47,18 @@ fn points() -> impl Iterator<Item = Vec3> {
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         ((z ^ (z >> 31)) >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
     };
-    std::iter::repeat_with(move || Vec3::new(uniform(), uniform(), uniform()))
-        .filter(|p| p.length() > 0.6)
+    std::iter::repeat_with(move || Vec3::new(uniform(), uniform(), uniform())).filter(|p| p.length() > 0.6)
 }
 
 fn rays(c: &mut Criterion) {
     let meshes = [ball(), room()];
-    let meshes = meshes
-        .each_ref()
-        .map(|(positions, indices)| TriangleMesh { positions, indices });
+    let meshes = meshes.each_ref().map(|(positions, indices)| TriangleMesh { positions, indices });
     let accel = Accel::build(&meshes).expect("the scene is valid");
 
     let (mut from, mut to) = (points(), points().skip(7));
     let mut segment = |t_max| {
-        let (org, end) = (
-            from.next().unwrap_or_default(),
-            to.next().unwrap_or_default(),
-        );
-        Ray {
-            org,
-            dir: end - org,
-            t_min: 1e-4,
-            t_max,
-        }
+        let (org, end) = (from.next().unwrap_or_default(), to.next().unwrap_or_default());
+        Ray { org, dir: end - org, t_min: 1e-4, t_max }
     };
     let closest: Vec<Ray> = (0..N_RAYS).map(|_| segment(f32::INFINITY)).collect();
     let shadow: Vec<Ray> = (0..N_RAYS).map(|_| segment(1.0 - 1e-4)).collect();
@@ -94,21 +66,10 @@ fn rays(c: &mut Criterion) {
     let mut group = c.benchmark_group(format!("rays, Embree {}, {}", version(), isa()));
     group.throughput(Throughput::Elements(u64::from(N_RAYS)));
     group.bench_function("closest hit", |b| {
-        b.iter(|| {
-            closest
-                .iter()
-                .filter_map(|ray| accel.intersect(black_box(ray)))
-                .map(|h| h.t)
-                .sum::<f32>()
-        })
+        b.iter(|| closest.iter().filter_map(|ray| accel.intersect(black_box(ray))).map(|h| h.t).sum::<f32>())
     });
     group.bench_function("occlusion", |b| {
-        b.iter(|| {
-            shadow
-                .iter()
-                .filter(|ray| accel.occluded(black_box(ray)))
-                .count()
-        })
+        b.iter(|| shadow.iter().filter(|ray| accel.occluded(black_box(ray))).count())
     });
     group.finish();
 }

@@ -38,10 +38,7 @@ fn main() {
         .derive_default(true)
         .generate()
         .map_err(|e| e.to_string())
-        .and_then(|b| {
-            b.write_to_file(out.join("shim.rs"))
-                .map_err(|e| e.to_string())
-        })
+        .and_then(|b| b.write_to_file(out.join("shim.rs")).map_err(|e| e.to_string()))
         .unwrap_or_else(|reason| {
             println!("cargo::error=cannot read shim.h with libclang: {reason}");
             exit(1);
@@ -72,11 +69,9 @@ impl Embree {
             .skip_while(|word| *word != "embree_version")
             .skip(1);
         let (Some(major), Some(version)) = (words.next(), words.next()) else {
-            return Err(
-                "Embree's headers are missing: neither <embree4/rtcore.h> nor \
+            return Err("Embree's headers are missing: neither <embree4/rtcore.h> nor \
                  <embree3/rtcore.h> is installed. On Debian: apt-get install libembree-dev"
-                    .to_owned(),
-            );
+                .to_owned());
         };
         // Line marker: `# 1 "/usr/include/embree4/rtcore_config.h" 1 3 4`
         let header = markers

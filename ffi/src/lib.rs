@@ -28,24 +28,12 @@ mod tests {
         unsafe {
             let accel = lo_accel_new(lo_default_config(), &mut error);
             assert!(!accel.is_null(), "error {}", error.code);
-            let added = lo_accel_add_triangles(
-                accel,
-                7,
-                positions.as_ptr(),
-                3,
-                indices.as_ptr(),
-                1,
-                &mut error,
-            );
+            let added =
+                lo_accel_add_triangles(accel, 7, positions.as_ptr(), 3, indices.as_ptr(), 1, &mut error);
             assert_eq!(added, 0);
             assert_eq!(lo_accel_commit(accel, &mut error), 0);
 
-            let ray = lo_ray {
-                org: [0.5, 1.0, 0.0],
-                dir: [0.0, 0.0, 2.0],
-                t_near: 0.0,
-                t_far: 10.0,
-            };
+            let ray = lo_ray { org: [0.5, 1.0, 0.0], dir: [0.0, 0.0, 2.0], t_near: 0.0, t_far: 10.0 };
             let mut hit = lo_hit::default();
             assert!(lo_accel_intersect1(accel, &ray, &mut hit));
             // Embree divides by way of an approximate reciprocal: 1 ulp.
@@ -82,9 +70,6 @@ mod tests {
             version
         };
         let (major, minor) = (version / 10_000, version / 100 % 100);
-        assert!(
-            HEADER_VERSION.starts_with(&format!("{major}.{minor}.")),
-            "{version}"
-        );
+        assert!(HEADER_VERSION.starts_with(&format!("{major}.{minor}.")), "{version}");
     }
 }

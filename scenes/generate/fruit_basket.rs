@@ -28,18 +28,10 @@ const SEED: u64 = 2014;
 
 fn main() -> std::io::Result<()> {
     let default = || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes"));
-    let directory = std::env::args_os()
-        .nth(1)
-        .map_or_else(default, PathBuf::from);
+    let directory = std::env::args_os().nth(1).map_or_else(default, PathBuf::from);
     let mut objects = pile::pile(&mut random::Rng::new(SEED));
-    objects.push(Object {
-        name: "table".into(),
-        mesh: stage::table(),
-    });
-    objects.push(Object {
-        name: "backdrop".into(),
-        mesh: stage::backdrop(),
-    });
+    objects.push(Object { name: "table".into(), mesh: stage::table() });
+    objects.push(Object { name: "backdrop".into(), mesh: stage::backdrop() });
 
     let (obj, triangles) = files::obj(&objects);
     for (name, text) in [
@@ -49,10 +41,6 @@ fn main() -> std::io::Result<()> {
     ] {
         std::fs::write(directory.join(name), text)?;
     }
-    println!(
-        "{triangles} triangles in {} objects, {} bytes of OBJ",
-        objects.len(),
-        obj.len()
-    );
+    println!("{triangles} triangles in {} objects, {} bytes of OBJ", objects.len(), obj.len());
     Ok(())
 }

@@ -132,9 +132,15 @@ impl Lighting {
             scene.set_light(i, l.radiance, size);
         }
         if let Some(Background { value }) = self.background {
-            let albedo = scene.background.iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+            let albedo =
+                scene.background.iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
             let ok = value >= 0.0 && value * albedo <= 1.0 + 1e-5;
-            require(ok, "background.value".into(), &format!("in [0, {}], for albedos up to 1", 1.0 / albedo), value)?;
+            require(
+                ok,
+                "background.value".into(),
+                &format!("in [0, {}], for albedos up to 1", 1.0 / albedo),
+                value,
+            )?;
             scene.set_background_value(value, value);
         }
         if let Some(e) = self.exposure {

@@ -67,7 +67,9 @@ impl RunDir {
     pub fn check(path: &Path, force: bool) -> Result<(), AuditError> {
         let is_empty = match fs::read_dir(path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(source) => return Err(AuditError::Io { path: path.into(), action: "read the directory", source }),
+            Err(source) => {
+                return Err(AuditError::Io { path: path.into(), action: "read the directory", source });
+            }
             Ok(mut entries) => entries.next().is_none(),
         };
         let is_run = path.join(MANIFEST).exists();
@@ -95,11 +97,11 @@ impl RunDir {
         write_text(&path.join(MANIFEST), manifest)?;
         let log = |name: &str| {
             let path = path.join(name);
-            OpenOptions::new()
-                .create(true)
-                .append(true)
-                .open(&path)
-                .map_err(|source| AuditError::Io { path, action: "open the log", source })
+            OpenOptions::new().create(true).append(true).open(&path).map_err(|source| AuditError::Io {
+                path,
+                action: "open the log",
+                source,
+            })
         };
         Ok(Self {
             evaluations: log("evaluations.jsonl")?,
@@ -136,7 +138,11 @@ impl RunDir {
     ///
     /// # Errors
     /// When the picture or the log cannot be written.
-    pub fn log_iteration(&mut self, line: &Value, exr: &crate::film::exr::ExrImage) -> Result<(), AuditError> {
+    pub fn log_iteration(
+        &mut self,
+        line: &Value,
+        exr: &crate::film::exr::ExrImage,
+    ) -> Result<(), AuditError> {
         let name = format!("iter_{:04}.exr", self.n_iterations);
         crate::film::exr::write_exr(&self.path.join(name), exr)?;
         self.n_iterations += 1;
@@ -163,8 +169,11 @@ fn is_ours(name: &str) -> bool {
 
 fn append(file: &mut File, path: &Path, line: &Value) -> Result<(), AuditError> {
     // One write: a line is there whole or not at all.
-    file.write_all(format!("{line}\n").as_bytes())
-        .map_err(|source| AuditError::Io { path: path.into(), action: "append to the log", source })
+    file.write_all(format!("{line}\n").as_bytes()).map_err(|source| AuditError::Io {
+        path: path.into(),
+        action: "append to the log",
+        source,
+    })
 }
 
 /// Writes a text file, whole or not at all.
@@ -173,7 +182,10 @@ fn append(file: &mut File, path: &Path, line: &Value) -> Result<(), AuditError> 
 /// When the destination is impossible.
 pub fn write_text(path: &Path, text: &str) -> Result<(), AuditError> {
     write_atomically(path, |file| {
-        file.write_all(text.as_bytes())
-            .map_err(|source| AuditError::Io { path: path.into(), action: "write the file", source })
+        file.write_all(text.as_bytes()).map_err(|source| AuditError::Io {
+            path: path.into(),
+            action: "write the file",
+            source,
+        })
     })
 }

@@ -22,7 +22,8 @@ impl Conductor {
         }
         let wm = (wo + wi).normalize();
         // [Walter07] eq. 20
-        fresnel::schlick(self.f0, wo.dot(wm)) * (ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z))
+        fresnel::schlick(self.f0, wo.dot(wm))
+            * (ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z))
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
@@ -48,7 +49,7 @@ impl Conductor {
 
 /// Density of reflecting `wo` into `wi` at a facet visible from `wo`.
 ///
-/// [Walter07] eq. 14: dω_m = dω_i / (4 |wo·wm|).
+/// \[Walter07\] eq. 14: dω_m = dω_i / (4 |wo·wm|).
 pub(super) fn reflection_pdf(ggx: Ggx, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
     if wo.z <= 0.0 || wi.z <= 0.0 {
         return SolidAnglePdf(0.0);

@@ -3,7 +3,7 @@
 //! `eta` is the IOR inside (local −z) over the IOR outside.
 //!
 //! # References
-//! [Walter07] eqs. 16, 17, 20, 21; [PBRT4] 9.5, 9.7.
+//! \[Walter07\] eqs. 16, 17, 20, 21; \[PBRT4\] 9.5, 9.7.
 
 use glam::{Vec2, Vec3};
 
@@ -73,7 +73,9 @@ impl Dielectric {
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
         let Some(ggx) = self.ggx else { return SolidAnglePdf(0.0) };
-        let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else { return SolidAnglePdf(0.0) };
+        let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else {
+            return SolidAnglePdf(0.0);
+        };
         let (r, _) = fresnel::dielectric(wo.dot(wm), self.eta);
         let p = ggx.pdf_wm(wo, wm).0;
         SolidAnglePdf(if is_reflection {
@@ -114,7 +116,7 @@ impl Dielectric {
 
 /// Radiance is divided by η² on entering a medium, importance is not.
 ///
-/// [Veach97] eq. 5.12; `eta_p` is the IOR on the side of `wi` over that of `wo`.
+/// \[Veach97\] eq. 5.12; `eta_p` is the IOR on the side of `wi` over that of `wo`.
 fn scale_radiance(ft: f32, eta_p: f32, mode: TransportMode) -> f32 {
     match mode {
         TransportMode::Radiance => ft / (eta_p * eta_p),

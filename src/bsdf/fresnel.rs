@@ -8,7 +8,7 @@ use crate::math::Rgb;
 /// * `cos_i`: cosine on the incident side; negative means from inside
 /// * `eta`: IOR inside over IOR outside
 ///
-/// Returns `(1, 0)` at total internal reflection. [Walter07] eq. 22.
+/// Returns `(1, 0)` at total internal reflection. \[Walter07\] eq. 22.
 #[must_use]
 pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     let cos_i = cos_i.clamp(-1.0, 1.0);
@@ -24,7 +24,7 @@ pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     (0.5 * (r_s * r_s + r_p * r_p), -cos_t.copysign(cos_i))
 }
 
-/// Schlick's approximation, affine in `f0`. [Schlick94] eq. 15.
+/// Schlick's approximation, affine in `f0`. \[Schlick94\] eq. 15.
 #[must_use]
 pub fn schlick(f0: Rgb, cos_theta: f32) -> Rgb {
     let m = (1.0 - cos_theta).clamp(0.0, 1.0);

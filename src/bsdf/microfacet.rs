@@ -5,8 +5,8 @@
 //! Masking is separable, `G = G1(wo)·G1(wi)`.
 //!
 //! # References
-//! [Walter07] eq. 33 (`d`), eq. 34 (`g1`); [Dupuy23] listing 1 (`sample_wm`);
-//! [Heitz18] eq. 3 (`pdf_wm`).
+//! \[Walter07\] eq. 33 (`d`), eq. 34 (`g1`); \[Dupuy23\] listing 1 (`sample_wm`);
+//! \[Heitz18\] eq. 3 (`pdf_wm`).
 
 use std::f32::consts::PI;
 

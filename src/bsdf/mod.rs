@@ -6,7 +6,7 @@
 //! turned over for `wo.z < 0`); a dielectric knows its inside (local −z).
 //!
 //! # References
-//! [Walter07] (microfacets), [Veach97] 5.2 and 5.3 (adjoint BSDFs, shading normals).
+//! \[Walter07\] (microfacets), \[Veach97\] 5.2 and 5.3 (adjoint BSDFs, shading normals).
 
 pub mod conductor;
 pub mod dielectric;
@@ -114,7 +114,7 @@ impl Bsdf<'_> {
 ///
 /// With w_l toward the light and w_c toward the camera the path integral holds
 /// `f(w_l, w_c)·|w_l·ns|/|w_l·ng|` at each vertex; in solid angle about `wi`
-/// that is `f·|wi·ns|` for radiance, and for importance [Veach97] eq. 5.19.
+/// that is `f·|wi·ns|` for radiance, and for importance \[Veach97\] eq. 5.19.
 #[must_use]
 pub fn adjoint_cosine(wo: Vec3, wi: Vec3, ns: Vec3, ng: Vec3, mode: TransportMode) -> f32 {
     match mode {

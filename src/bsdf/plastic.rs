@@ -9,7 +9,9 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{Vec2, Vec3};
 
-use super::{BsdfSample, conductor::reflection_pdf, diffuse::Diffuse, fresnel, microfacet::Ggx, reflect, reflect_about};
+use super::{
+    BsdfSample, conductor::reflection_pdf, diffuse::Diffuse, fresnel, microfacet::Ggx, reflect, reflect_about,
+};
 use crate::math::{Rgb, SolidAnglePdf, luminance};
 
 /// Nodes of the transmittance table in cos θ.

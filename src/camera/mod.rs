@@ -5,7 +5,7 @@
 //! area on the film (box filter).
 //!
 //! # References
-//! [PBRT3] 16.1.1 (importance of a perspective camera).
+//! \[PBRT3\] 16.1.1 (importance of a perspective camera).
 
 use glam::{UVec2, Vec2, Vec3};
 
@@ -134,7 +134,8 @@ mod tests {
         let c = camera();
         let (n, mut sum) = (64, 0.0_f64);
         for i in 0..n * n {
-            let raster = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32 * c.size().as_vec2();
+            let raster =
+                Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32 * c.size().as_vec2();
             let dir = c.direction(raster);
             let cos = dir.dot(c.forward());
             let cell = 4.0 * c.half.x * c.half.y / (n * n) as f32;

@@ -95,24 +95,17 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
 
 fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> {
     let path = args.image.as_path();
-    let exr = if is_exr(path)? {
-        Some(read_exr(path)?)
-    } else {
-        None
-    };
+    let exr = if is_exr(path)? { Some(read_exr(path)?) } else { None };
     let picture = match &exr {
         Some(exr) => exr_beauty(path, exr)?,
         None => read_image(path)?,
     };
-    let stored = exr
-        .as_ref()
-        .map(|exr| stored(path, exr))
-        .transpose()?
-        .unwrap_or_default();
+    let stored = exr.as_ref().map(|exr| stored(path, exr)).transpose()?.unwrap_or_default();
     let target = match (target, &stored.target) {
         (Some(target), _) => target,
-        (None, Some(value)) => Target::from_value(value)
-            .with_context(|| format!("{}: stored target", path.display()))?,
+        (None, Some(value)) => {
+            Target::from_value(value).with_context(|| format!("{}: stored target", path.display()))?
+        }
         (None, None) => bail!(
             "{}: the picture stores no target; name one with --target (high-key, low-key or a \
              TOML file)",
@@ -122,10 +115,9 @@ fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> 
     let mask = match (&args.mask, &exr) {
         (Some(mask), _) => read_mask(mask)?,
         (None, Some(exr)) if stored_mask(exr).is_some() => exr_mask(path, exr)?,
-        (None, _) => bail!(
-            "{}: the picture stores no mask of the main object; give one with --mask",
-            path.display()
-        ),
+        (None, _) => {
+            bail!("{}: the picture stores no mask of the main object; give one with --mask", path.display())
+        }
     };
     ensure!(
         (mask.width, mask.height) == (picture.width, picture.height),
@@ -136,20 +128,14 @@ fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> 
         picture.width,
         picture.height
     );
-    let as_recorded = args.target.is_none()
-        && args.mask.is_none()
-        && args.exposure.is_none()
-        && args.luminance.is_none();
+    let as_recorded =
+        args.target.is_none() && args.mask.is_none() && args.exposure.is_none() && args.luminance.is_none();
     Ok(Subject {
         picture,
         mask,
         target,
         exposure: args.exposure.or(stored.exposure).unwrap_or(1.0),
-        luminance: args
-            .luminance
-            .map(Into::into)
-            .or(stored.luminance)
-            .unwrap_or_default(),
+        luminance: args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default(),
         recorded: stored.f_q.filter(|_| as_recorded),
     })
 }
@@ -161,11 +147,7 @@ fn stored(path: &Path, exr: &ExrImage) -> anyhow::Result<Stored> {
     let what = || format!("{}: attribute `lightopt`", path.display());
     let stored = Stored::deserialize(value).with_context(what)?;
     if let Some(exposure) = stored.exposure {
-        ensure!(
-            exposure > 0.0,
-            "{}: exposure must be above 0, got {exposure}",
-            what()
-        );
+        ensure!(exposure > 0.0, "{}: exposure must be above 0, got {exposure}", what());
     }
     Ok(stored)
 }
@@ -175,10 +157,7 @@ fn measure(subject: &Subject, path: &Path) -> anyhow::Result<Evaluation> {
     let l = subject.luminance.encode_image(rgb, subject.exposure);
     if let Some(i) = l.iter().position(|l| l.is_nan()) {
         let (x, y) = (i % width, i / width);
-        bail!(
-            "{}: the pixel at column {x}, row {y} is not a number",
-            path.display()
-        );
+        bail!("{}: the pixel at column {x}, row {y} is not a number", path.display());
     }
     let objective = Objective::new(&subject.target, *width, *height, &subject.mask.object)
         .with_context(|| path.display().to_string())?;

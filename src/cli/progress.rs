@@ -29,7 +29,10 @@ pub fn catch_interrupts() -> Result<(), ctrlc::Error> {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        let _ = writeln!(std::io::stderr(), "\ninterrupted: finishing with the best so far (again to quit at once)");
+        let _ = writeln!(
+            std::io::stderr(),
+            "\ninterrupted: finishing with the best so far (again to quit at once)"
+        );
     })
 }
 

@@ -163,7 +163,12 @@ fn to_json(r: &RunReport, out: &Path) -> serde_json::Value {
         .evaluation
         .terms
         .iter()
-        .map(|t| (t.term.name().to_owned(), json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight})))
+        .map(|t| {
+            (
+                t.term.name().to_owned(),
+                json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight}),
+            )
+        })
         .collect();
     json!({
         "f_q_initial": r.initial.evaluation.f_q,

@@ -170,10 +170,16 @@ const INITIAL_SHARE: u32 = 4;
 /// # Errors
 /// When the scene cannot be optimised, rendered or recorded. What was recorded
 /// until then stays.
-pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter: &impl Reporter) -> Result<RunReport, RunError> {
+pub fn run(
+    scene: &mut Scene,
+    scene_path: &Path,
+    options: &RunOptions,
+    reporter: &impl Reporter,
+) -> Result<RunReport, RunError> {
     let start = Instant::now();
     RunDir::check(&options.out, options.force)?;
-    let camera = Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
+    let camera =
+        Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
     let mut renders = 0;
 
     scene.camera.resize(options.work_size);
@@ -206,7 +212,13 @@ pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter:
     reporter.stage("measuring the start", Some(check_rows));
     let x0 = variables.decode(&variables.start());
     variables.apply(scene, &x0);
-    let shot = camera.shoot(scene, seed_for(options.seed, Purpose::Initial), check_spp, CHECK_REPLICATES, reporter)?;
+    let shot = camera.shoot(
+        scene,
+        seed_for(options.seed, Purpose::Initial),
+        check_spp,
+        CHECK_REPLICATES,
+        reporter,
+    )?;
     renders += 1;
     let initial = shot.measure(&objective)?.estimate;
     reporter.note(&format!("start: f_q {:.4} ± {:.4}", initial.evaluation.f_q, initial.error_bar()));
@@ -215,7 +227,14 @@ pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter:
     let starts = survey::starts(scene, &unit.picture, &aovs.mask, &variables, means, options.luminance);
     let found = optimise::by_differences(
         &starts,
-        optimise::Problem { scene, camera: &camera, objective: &objective, variables: &variables, aovs: &aovs, options },
+        optimise::Problem {
+            scene,
+            camera: &camera,
+            objective: &objective,
+            variables: &variables,
+            aovs: &aovs,
+            options,
+        },
         &mut dir,
         &mut renders,
         reporter,
@@ -224,7 +243,13 @@ pub fn run(scene: &mut Scene, scene_path: &Path, options: &RunOptions, reporter:
     variables.apply(scene, &x);
 
     reporter.stage("checking the result with new samples", Some(check_rows));
-    let shot = camera.shoot(scene, seed_for(options.seed, Purpose::Check), check_spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
+    let shot = camera.shoot(
+        scene,
+        seed_for(options.seed, Purpose::Check),
+        check_spp,
+        CHECK_REPLICATES,
+        &Unstoppable(reporter),
+    )?;
     renders += 1;
     let check = shot.measure(&objective)?.estimate;
     reporter.note(&format!("result: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
@@ -303,7 +328,12 @@ fn attribute(
     let terms: Map<String, Value> = evaluation
         .terms
         .iter()
-        .map(|t| (t.term.name().to_owned(), json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight})))
+        .map(|t| {
+            (
+                t.term.name().to_owned(),
+                json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight}),
+            )
+        })
         .collect();
     json!({
         "scene": scene.name,

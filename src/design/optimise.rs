@@ -89,28 +89,34 @@ pub fn by_differences(
     let mut stop = StopReason::NoProgress;
     for (i, Stage { delta, share, first_step }) in STAGES.into_iter().enumerate() {
         let left = budget - search.evaluations;
-        let allowed = if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
+        let allowed =
+            if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
         if left == 0 {
             break;
         }
         let smoothing = Smoothing::with_delta(delta);
         let mut scale = None;
         let mut failure = None;
-        let options = optim::Options { max_evaluations: Some(allowed), f_tol_abs: 1e-5, x_tol_abs: 1e-4, ..Default::default() };
-        let result = optim::minimize(&u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
-            match search.evaluate(u, &smoothing) {
-                Ok((f, slopes)) => {
-                    let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
-                    let c = *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
-                    for (g, s) in gradient.iter_mut().zip(slopes) {
-                        *g = c * s;
-                    }
-                    ControlFlow::Continue(c * f)
+        let options = optim::Options {
+            max_evaluations: Some(allowed),
+            f_tol_abs: 1e-5,
+            x_tol_abs: 1e-4,
+            ..Default::default()
+        };
+        let result = optim::minimize(&u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| match search
+            .evaluate(u, &smoothing)
+        {
+            Ok((f, slopes)) => {
+                let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+                let c = *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
+                for (g, s) in gradient.iter_mut().zip(slopes) {
+                    *g = c * s;
                 }
-                Err(e) => {
-                    failure = Some(e);
-                    ControlFlow::Break(Interrupt)
-                }
+                ControlFlow::Continue(c * f)
+            }
+            Err(e) => {
+                failure = Some(e);
+                ControlFlow::Break(Interrupt)
             }
         });
         match failure {
@@ -141,7 +147,8 @@ impl<R: Reporter> Search<'_, R> {
     fn choose(&mut self, starts: &[(String, Vec<f64>)]) -> Result<Vec<f64>, RunError> {
         let mut best: Option<(f64, &(String, Vec<f64>))> = None;
         for start in starts {
-            let f_q = self.shoot(&start.1, Purpose::Optimise)?.smoothed(self.problem.objective, &Smoothing::NONE);
+            let f_q =
+                self.shoot(&start.1, Purpose::Optimise)?.smoothed(self.problem.objective, &Smoothing::NONE);
             self.dir.log_evaluation(&json!({
                 "start": start.0,
                 "x": self.problem.variables.named(&self.problem.variables.decode(&start.1)),
@@ -153,7 +160,8 @@ impl<R: Reporter> Search<'_, R> {
             }
         }
         let Some((f_q, (name, u))) = best else { return Err(OptimError::NoVariables.into()) };
-        self.reporter.note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
+        self.reporter
+            .note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
         Ok(u.clone())
     }
 
@@ -163,13 +171,16 @@ impl<R: Reporter> Search<'_, R> {
         let values = (0..NOISE_POINTS)
             .map(|i| {
                 let along = NOISE_SPACING * i as f64;
-                let u: Vec<f64> = start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
+                let u: Vec<f64> =
+                    start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
                 Ok(self.shoot(&u, Purpose::Optimise)?.smoothed(self.problem.objective, &smoothing))
             })
             .collect::<Result<Vec<f64>, RunError>>()?;
         let noise = difference::noise(&values);
         let step = difference::step(noise);
-        self.reporter.note(&format!("noise of f_q under common random numbers {noise:.1e}, difference step {step:.4}"));
+        self.reporter.note(&format!(
+            "noise of f_q under common random numbers {noise:.1e}, difference step {step:.4}"
+        ));
         Ok(step)
     }
 

@@ -87,7 +87,8 @@ impl Camera {
 
 /// Mean of the pictures, leaving one out.
 fn mean(images: &[&[[f32; 3]]], without: Option<usize>) -> Vec<[f32; 3]> {
-    let kept: Vec<_> = images.iter().enumerate().filter(|(i, _)| Some(*i) != without).map(|(_, p)| p).collect();
+    let kept: Vec<_> =
+        images.iter().enumerate().filter(|(i, _)| Some(*i) != without).map(|(_, p)| p).collect();
     let n = kept.len() as f64;
     (0..images[0].len())
         .map(|p| std::array::from_fn(|c| (kept.iter().map(|i| f64::from(i[p][c])).sum::<f64>() / n) as f32))

@@ -172,9 +172,7 @@ impl Accel {
         let mut error = sys::lo_error::default();
         // SAFETY: a NUL-terminated string and an error to write to; NULL is handled below.
         let raw = unsafe { sys::lo_accel_new(config.as_ptr(), &mut error) };
-        NonNull::new(raw)
-            .map(|raw| Accel { raw })
-            .ok_or_else(|| embree_error("create a device", &error))
+        NonNull::new(raw).map(|raw| Accel { raw }).ok_or_else(|| embree_error("create a device", &error))
     }
 
     /// The mesh must have been validated.
@@ -214,13 +212,7 @@ impl Accel {
             }
             hit.assume_init()
         };
-        Some(Hit {
-            t: hit.t,
-            u: hit.u,
-            v: hit.v,
-            mesh: hit.geom,
-            prim: hit.prim,
-        })
+        Some(Hit { t: hit.t, u: hit.u, v: hit.v, mesh: hit.geom, prim: hit.prim })
     }
 
     /// Whether there is any hit. A ray with a coordinate that is not finite hits nothing.
@@ -237,10 +229,7 @@ impl Accel {
         let (mut min, mut max) = ([0.0; 3], [0.0; 3]);
         // SAFETY: `raw` is a committed scene; both pointers are to three floats.
         unsafe { sys::lo_accel_bounds(self.raw.as_ptr(), min.as_mut_ptr(), max.as_mut_ptr()) };
-        let bounds = Bounds {
-            min: min.into(),
-            max: max.into(),
-        };
+        let bounds = Bounds { min: min.into(), max: max.into() };
         bounds.min.cmple(bounds.max).all().then_some(bounds)
     }
 }
@@ -280,9 +269,7 @@ pub fn version() -> String {
 #[must_use]
 pub fn isa() -> &'static str {
     // SAFETY: a static, NUL-terminated string.
-    unsafe { CStr::from_ptr(sys::lo_isa()) }
-        .to_str()
-        .unwrap_or("unknown")
+    unsafe { CStr::from_ptr(sys::lo_isa()) }.to_str().unwrap_or("unknown")
 }
 
 fn validate(mesh_id: usize, mesh: &TriangleMesh) -> Result<(), EmbreeError> {
@@ -291,22 +278,12 @@ fn validate(mesh_id: usize, mesh: &TriangleMesh) -> Result<(), EmbreeError> {
     for (triangle, indices) in mesh.indices.iter().enumerate() {
         for &index in indices {
             let Some(&position) = mesh.positions.get(index as usize) else {
-                return Err(EmbreeError::IndexOutOfRange {
-                    mesh: mesh_id,
-                    triangle,
-                    index,
-                    n_vertices,
-                });
+                return Err(EmbreeError::IndexOutOfRange { mesh: mesh_id, triangle, index, n_vertices });
             };
             // Written so that NaN fails.
             let limit = Vec3::splat(sys::LO_MAX_COORDINATE);
             if !position.abs().cmple(limit).all() {
-                return Err(EmbreeError::BadPosition {
-                    mesh: mesh_id,
-                    triangle,
-                    index,
-                    position,
-                });
+                return Err(EmbreeError::BadPosition { mesh: mesh_id, triangle, index, position });
             }
         }
     }
@@ -322,11 +299,7 @@ fn check_count(what: &'static str, count: usize) -> Result<(), EmbreeError> {
 }
 
 fn check(step: &'static str, status: i32, error: &sys::lo_error) -> Result<(), EmbreeError> {
-    if status == 0 {
-        Ok(())
-    } else {
-        Err(embree_error(step, error))
-    }
+    if status == 0 { Ok(()) } else { Err(embree_error(step, error)) }
 }
 
 fn embree_error(step: &'static str, error: &sys::lo_error) -> EmbreeError {
@@ -334,11 +307,7 @@ fn embree_error(step: &'static str, error: &sys::lo_error) -> EmbreeError {
     let message = CStr::from_bytes_until_nul(&bytes)
         .map(|text| text.to_string_lossy().into_owned())
         .unwrap_or_default();
-    EmbreeError::Embree {
-        step,
-        code: error.code,
-        message,
-    }
+    EmbreeError::Embree { step, code: error.code, message }
 }
 
 #[cfg(test)]

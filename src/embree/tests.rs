@@ -54,10 +54,7 @@ impl Mesh {
     /// edge is shared.
     fn sphere(levels: u32) -> Self {
         let n = 1_u32 << levels;
-        let mut mesh = Mesh {
-            positions: Vec::new(),
-            indices: Vec::new(),
-        };
+        let mut mesh = Mesh { positions: Vec::new(), indices: Vec::new() };
         let mut ids = std::collections::HashMap::new();
         for face in 0..8 {
             let sign = |bit: u32| if face >> bit & 1 == 1 { -1_i32 } else { 1 };
@@ -65,8 +62,7 @@ impl Mesh {
                 let k = n - i - j;
                 let key = [i as i32 * sign(0), j as i32 * sign(1), k as i32 * sign(2)];
                 *ids.entry(key).or_insert_with(|| {
-                    mesh.positions
-                        .push(Vec3::from(key.map(|x| x as f32)).normalize());
+                    mesh.positions.push(Vec3::from(key.map(|x| x as f32)).normalize());
                     mesh.positions.len() as u32 - 1
                 })
             };
@@ -74,8 +70,7 @@ impl Mesh {
                 for j in 0..n - i {
                     mesh.indices.push([id(i, j), id(i + 1, j), id(i, j + 1)]);
                     if i + j + 2 <= n {
-                        mesh.indices
-                            .push([id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)]);
+                        mesh.indices.push([id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)]);
                     }
                 }
             }
@@ -84,10 +79,7 @@ impl Mesh {
     }
 
     fn as_ref(&self) -> TriangleMesh<'_> {
-        TriangleMesh {
-            positions: &self.positions,
-            indices: &self.indices,
-        }
+        TriangleMesh { positions: &self.positions, indices: &self.indices }
     }
 }
 
@@ -111,7 +103,7 @@ enum Verdict {
     Miss,
 }
 
-/// [MT97] in f64, with the bounds of the Plücker test in f32 that Embree's robust mode does:
+/// \[MT97\] in f64, with the bounds of the Plücker test in f32 that Embree's robust mode does:
 /// it asks whether the three edge functions e × (a + b) · d, with vertices relative to the
 /// origin, have one sign. Each has 8 roundings at most on the way to any term, so is computed
 /// to within γ |e| |a + b| |d|, γ = 8 ε (a factor 2 for sums of components against norms).
@@ -134,10 +126,7 @@ fn exact(ray: &Ray, p: [Vec3; 3]) -> Exact {
 
     let functions = [-a.dot(h), d.dot(q), den + a.dot(h) - d.dot(q)];
     let (below, above) = functions.into_iter().fold((0, 0), |(below, above), f| {
-        (
-            below + i32::from(f < -err_edge),
-            above + i32::from(f > err_edge),
-        )
+        (below + i32::from(f < -err_edge), above + i32::from(f > err_edge))
     });
     let (near, end) = (f64::from(ray.t_min), f64::from(ray.t_max));
     let within = (t - near).min(end - t);
@@ -148,14 +137,7 @@ fn exact(ray: &Ray, p: [Vec3; 3]) -> Exact {
     } else {
         Verdict::Unclear
     };
-    Exact {
-        t,
-        u,
-        v,
-        err_b,
-        err_t,
-        verdict,
-    }
+    Exact { t, u, v, err_b, err_t, verdict }
 }
 
 /// Checks one ray against every triangle; true when nothing about it was unclear.
@@ -167,19 +149,9 @@ fn check_against_brute_force(accel: &Accel, mesh: &Mesh, ray: &Ray) -> bool {
         assert!(e.verdict != Verdict::Miss, "{ray:?} cannot give {hit:?}");
         if e.err_b < 0.5 {
             let off = (f64::from(hit.t) - e.t).abs();
-            assert!(
-                off <= e.err_t,
-                "{ray:?} {hit:?}: t off by {off}, allowed {}",
-                e.err_t
-            );
-            let off = (f64::from(hit.u) - e.u)
-                .abs()
-                .max((f64::from(hit.v) - e.v).abs());
-            assert!(
-                off <= e.err_b,
-                "{ray:?} {hit:?}: u, v off by {off}, allowed {}",
-                e.err_b
-            );
+            assert!(off <= e.err_t, "{ray:?} {hit:?}: t off by {off}, allowed {}", e.err_t);
+            let off = (f64::from(hit.u) - e.u).abs().max((f64::from(hit.v) - e.v).abs());
+            assert!(off <= e.err_b, "{ray:?} {hit:?}: u, v off by {off}, allowed {}", e.err_b);
         }
         f64::from(hit.t)
     });
@@ -191,11 +163,7 @@ fn check_against_brute_force(accel: &Accel, mesh: &Mesh, ray: &Ray) -> bool {
         clear &= e.verdict != Verdict::Unclear;
         let missed = e.verdict == Verdict::Hit && e.t + e.err_t < limit;
         let same = hit.is_some_and(|hit| hit.prim as usize == i);
-        assert!(
-            !missed || same,
-            "{ray:?} hits triangle {i} at {}, not {hit:?}",
-            e.t
-        );
+        assert!(!missed || same, "{ray:?} hits triangle {i} at {}, not {hit:?}", e.t);
     }
     assert!(possible || hit.is_none());
     assert_eq!(accel.occluded(ray), hit.is_some(), "{ray:?} {hit:?}");
@@ -209,25 +177,14 @@ fn hits_equal_brute_force_on_a_triangle_soup() {
     let accel = Accel::build(&[mesh.as_ref()]).unwrap();
     let (n, mut clear, mut hits) = (100_000, 0, 0);
     for i in 0..n {
-        let (org, t_max) = (
-            1.5 * rng.cube(),
-            if i % 2 == 0 { f32::INFINITY } else { 1.0 },
-        );
+        let (org, t_max) = (1.5 * rng.cube(), if i % 2 == 0 { f32::INFINITY } else { 1.0 });
         let dir = rng.direction() * (0.1 + 3.0 * rng.f32());
-        let ray = Ray {
-            org,
-            dir,
-            t_min: 0.0,
-            t_max,
-        };
+        let ray = Ray { org, dir, t_min: 0.0, t_max };
         clear += u32::from(check_against_brute_force(&accel, &mesh, &ray));
         hits += u32::from(accel.occluded(&ray));
     }
     // Neither excuse may carry the test.
-    assert!(
-        clear > n - n / 100,
-        "{clear} of {n} rays were clear of edges"
-    );
+    assert!(clear > n - n / 100, "{clear} of {n} rays were clear of edges");
     assert!(hits > n / 10 && hits < n - n / 10, "{hits} of {n} rays hit");
 }
 
@@ -238,12 +195,7 @@ fn a_closed_mesh_has_no_leaks() {
     let accel = Accel::build(&[mesh.as_ref()]).unwrap();
     for _ in 0..100_000 {
         let (org, dir) = (0.5 * rng.cube(), rng.direction());
-        let ray = Ray {
-            org,
-            dir,
-            t_min: 0.0,
-            t_max: f32::INFINITY,
-        };
+        let ray = Ray { org, dir, t_min: 0.0, t_max: f32::INFINITY };
         assert!(accel.intersect(&ray).is_some(), "{ray:?} escaped");
         check_against_brute_force(&accel, &mesh, &ray);
     }
@@ -252,12 +204,7 @@ fn a_closed_mesh_has_no_leaks() {
         let [a, b, c] = indices.map(|i| mesh.positions[i as usize]);
         for target in [a, b, c, (a + b) / 2.0, (b + c) / 2.0, 0.3 * a + 0.7 * c] {
             for org in [Vec3::ZERO, 0.5 * rng.cube(), 0.5 * rng.cube()] {
-                let ray = Ray {
-                    org,
-                    dir: target - org,
-                    t_min: 0.0,
-                    t_max: f32::INFINITY,
-                };
+                let ray = Ray { org, dir: target - org, t_min: 0.0, t_max: f32::INFINITY };
                 assert!(accel.intersect(&ray).is_some(), "{ray:?} escaped");
                 assert!(accel.occluded(&ray), "{ray:?} escaped");
             }
@@ -267,60 +214,29 @@ fn a_closed_mesh_has_no_leaks() {
 
 #[test]
 fn meshes_keep_their_place_even_when_some_are_empty() {
-    let triangle = |z: f32| {
-        [
-            Vec3::new(-1.0, -1.0, z),
-            Vec3::new(3.0, -1.0, z),
-            Vec3::new(-1.0, 3.0, z),
-        ]
-    };
+    let triangle = |z: f32| [Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z)];
     let (near, far) = (triangle(1.0), triangle(2.0));
-    let empty = TriangleMesh {
-        positions: &near,
-        indices: &[],
-    };
+    let empty = TriangleMesh { positions: &near, indices: &[] };
     let indices = &[[0, 1, 2]];
     let accel = Accel::build(&[
         empty,
-        TriangleMesh {
-            positions: &far,
-            indices,
-        },
+        TriangleMesh { positions: &far, indices },
         empty,
-        TriangleMesh {
-            positions: &near,
-            indices,
-        },
+        TriangleMesh { positions: &near, indices },
     ])
     .unwrap();
-    let mut ray = Ray {
-        org: Vec3::ZERO,
-        dir: Vec3::Z,
-        t_min: 0.0,
-        t_max: 10.0,
-    };
+    let mut ray = Ray { org: Vec3::ZERO, dir: Vec3::Z, t_min: 0.0, t_max: 10.0 };
     assert_eq!(accel.intersect(&ray).unwrap().mesh, 3);
     ray.t_min = 1.5;
     assert_eq!(accel.intersect(&ray).unwrap().mesh, 1);
     let bounds = accel.bounds().unwrap();
-    assert_eq!(
-        bounds,
-        Bounds {
-            min: near[0],
-            max: Vec3::new(3.0, 3.0, 2.0)
-        }
-    );
+    assert_eq!(bounds, Bounds { min: near[0], max: Vec3::new(3.0, 3.0, 2.0) });
 }
 
 #[test]
 fn an_empty_scene_is_never_hit_and_has_no_bounds() {
     let accel = Accel::build(&[]).unwrap();
-    let ray = Ray {
-        org: Vec3::ZERO,
-        dir: Vec3::X,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
+    let ray = Ray { org: Vec3::ZERO, dir: Vec3::X, t_min: 0.0, t_max: f32::INFINITY };
     assert_eq!(accel.intersect(&ray), None);
     assert!(!accel.occluded(&ray));
     assert_eq!(accel.bounds(), None);
@@ -330,39 +246,16 @@ fn an_empty_scene_is_never_hit_and_has_no_bounds() {
 fn rays_that_are_not_finite_hit_nothing() {
     let mesh = Mesh::sphere(1);
     let accel = Accel::build(&[mesh.as_ref()]).unwrap();
-    let good = Ray {
-        org: Vec3::ZERO,
-        dir: Vec3::X,
-        t_min: -1.0,
-        t_max: f32::INFINITY,
-    };
+    let good = Ray { org: Vec3::ZERO, dir: Vec3::X, t_min: -1.0, t_max: f32::INFINITY };
     assert!(accel.occluded(&good));
     for x in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         for bad in [
-            Ray {
-                org: Vec3::new(0.0, x, 0.0),
-                ..good
-            },
-            Ray {
-                dir: Vec3::new(1.0, 0.0, x),
-                ..good
-            },
-            Ray {
-                t_min: f32::NAN,
-                ..good
-            },
-            Ray {
-                t_max: f32::NAN,
-                ..good
-            },
-            Ray {
-                t_max: -0.5,
-                ..good
-            },
-            Ray {
-                dir: Vec3::ZERO,
-                ..good
-            },
+            Ray { org: Vec3::new(0.0, x, 0.0), ..good },
+            Ray { dir: Vec3::new(1.0, 0.0, x), ..good },
+            Ray { t_min: f32::NAN, ..good },
+            Ray { t_max: f32::NAN, ..good },
+            Ray { t_max: -0.5, ..good },
+            Ray { dir: Vec3::ZERO, ..good },
         ] {
             assert_eq!(accel.intersect(&bad), None, "{bad:?}");
             assert!(!accel.occluded(&bad), "{bad:?}");
@@ -375,41 +268,24 @@ fn errors_name_the_mesh_and_the_triangle() {
     let good = Mesh::sphere(0);
     let mut bad = Mesh::sphere(0);
     bad.indices[5][2] = 99;
-    let message = |bad: &Mesh| {
-        Accel::build(&[good.as_ref(), bad.as_ref()])
-            .unwrap_err()
-            .to_string()
-    };
-    assert_eq!(
-        message(&bad),
-        "mesh 1, triangle 5: vertex index 99 is out of range, the mesh has 6 vertices"
-    );
+    let message = |bad: &Mesh| Accel::build(&[good.as_ref(), bad.as_ref()]).unwrap_err().to_string();
+    assert_eq!(message(&bad), "mesh 1, triangle 5: vertex index 99 is out of range, the mesh has 6 vertices");
     for x in [f32::NAN, f32::INFINITY, 2e18] {
         let mut bad = Mesh::sphere(0);
         let index = bad.indices[0][1] as usize;
         bad.positions[index].y = x;
         let message = message(&bad);
-        assert!(
-            message.starts_with("mesh 1, triangle 0: vertex 1 must have finite"),
-            "{message}"
-        );
+        assert!(message.starts_with("mesh 1, triangle 0: vertex 1 must have finite"), "{message}");
     }
 }
 
 #[test]
 fn a_bad_configuration_is_an_error() {
     let mesh = Mesh::sphere(0);
-    let build = |config| {
-        Accel::build_with(config, &[mesh.as_ref()])
-            .unwrap_err()
-            .to_string()
-    };
+    let build = |config| Accel::build_with(config, &[mesh.as_ref()]).unwrap_err().to_string();
     // One that the device refuses, and one that only the build does.
     let message = build(c"threads=many");
-    assert!(
-        message.starts_with("Embree could not create a device: "),
-        "{message}"
-    );
+    assert!(message.starts_with("Embree could not create a device: "), "{message}");
     let message = build(c"tri_accel=nonsense");
     assert!(message.contains("nonsense"), "{message}");
 }
@@ -418,12 +294,7 @@ fn a_bad_configuration_is_an_error() {
 /// depends on the order of the tree's leaves, so this sees the tree itself.
 fn fingerprint(accel: &Accel) -> Vec<Option<[u32; 5]>> {
     let mut rng = Rng(4);
-    let mut ray = || Ray {
-        org: rng.cube(),
-        dir: rng.direction(),
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
+    let mut ray = || Ray { org: rng.cube(), dir: rng.direction(), t_min: 0.0, t_max: f32::INFINITY };
     (0..20_000)
         .map(|_| accel.intersect(&ray()))
         .map(|hit| hit.map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.mesh, h.prim]))
@@ -436,23 +307,16 @@ fn the_tree_does_not_depend_on_the_number_of_threads() {
     mesh.indices = mesh.indices.repeat(4);
     let reference = fingerprint(&Accel::build(&[mesh.as_ref()]).unwrap());
     for threads in [1, 2] {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let built = pool.broadcast(|_| Accel::build(&[mesh.as_ref()]).unwrap());
         for accel in built {
-            assert!(
-                fingerprint(&accel) == reference,
-                "differs with {threads} threads"
-            );
+            assert!(fingerprint(&accel) == reference, "differs with {threads} threads");
         }
     }
     if isa() == "avx2" {
         // Another tree (four children a node, not eight) does show.
         let other = Accel::build_with(c"threads=1,isa=sse4.2", &[mesh.as_ref()]).unwrap();
-        let prims =
-            |hits: &[Option<[u32; 5]>]| hits.iter().map(|h| h.map(|h| h[4])).collect::<Vec<_>>();
+        let prims = |hits: &[Option<[u32; 5]>]| hits.iter().map(|h| h.map(|h| h[4])).collect::<Vec<_>>();
         assert!(prims(&fingerprint(&other)) != prims(&reference));
     }
 }
@@ -475,12 +339,7 @@ fn queries_from_many_threads_agree() {
 fn queries_leave_denormals_alone() {
     let mesh = Mesh::sphere(1);
     let accel = Accel::build(&[mesh.as_ref()]).unwrap();
-    let ray = Ray {
-        org: Vec3::ZERO,
-        dir: Vec3::X,
-        t_min: 0.0,
-        t_max: f32::INFINITY,
-    };
+    let ray = Ray { org: Vec3::ZERO, dir: Vec3::X, t_min: 0.0, t_max: f32::INFINITY };
     let halve = |x: f32| std::hint::black_box(x) / 2.0;
     assert!(accel.intersect(&ray).is_some() && accel.occluded(&ray));
     assert!(halve(f32::MIN_POSITIVE) > 0.0);
@@ -491,10 +350,6 @@ fn queries_leave_denormals_alone() {
 
 #[test]
 fn the_version_and_instruction_set_are_known() {
-    assert!(
-        version().starts_with("3.13.") || version().starts_with("4."),
-        "{}",
-        version()
-    );
+    assert!(version().starts_with("3.13.") || version().starts_with("4."), "{}", version());
     assert!(["avx2", "sse4.2", "default"].contains(&isa()), "{}", isa());
 }

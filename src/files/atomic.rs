@@ -58,11 +58,7 @@ where
 {
     let fail = |action| {
         let path = path.to_owned();
-        move |source| AtomicWriteError {
-            path,
-            action,
-            source,
-        }
+        move |source| AtomicWriteError { path, action, source }
     };
     let Some(name) = path.file_name() else {
         let source = io::Error::new(io::ErrorKind::InvalidInput, "the path names no file");
@@ -83,17 +79,11 @@ where
         .create_new(true)
         .open(&temporary_path)
         .map_err(fail("create the file"))?;
-    let mut temporary = Temporary {
-        path: temporary_path,
-        armed: true,
-    };
+    let mut temporary = Temporary { path: temporary_path, armed: true };
     let mut writer = BufWriter::new(file);
     let result = write(&mut writer)?;
     writer.flush().map_err(fail("write the file"))?;
-    writer
-        .get_ref()
-        .sync_all()
-        .map_err(fail("write the file to disk"))?;
+    writer.get_ref().sync_all().map_err(fail("write the file to disk"))?;
     drop(writer);
     fs::rename(&temporary.path, path).map_err(fail("put the file in its place"))?;
     temporary.armed = false;
@@ -117,10 +107,8 @@ mod tests {
     use super::*;
 
     fn names(directory: &Path) -> Vec<String> {
-        let mut names: Vec<String> = fs::read_dir(directory)
-            .unwrap()
-            .map(|e| e.unwrap().file_name().into_string().unwrap())
-            .collect();
+        let mut names: Vec<String> =
+            fs::read_dir(directory).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
     }
@@ -173,15 +161,9 @@ mod tests {
     fn impossible_destinations_are_errors_that_name_the_path() {
         let directory = tempfile::tempdir().unwrap();
         let never = |_: &mut BufWriter<File>| Ok::<(), TestError>(());
-        for path in [
-            directory.path().join("no/such/a.txt"),
-            directory.path().join(".."),
-        ] {
+        for path in [directory.path().join("no/such/a.txt"), directory.path().join("..")] {
             let error = write_atomically(&path, never).unwrap_err();
-            assert!(
-                error.to_string().contains(&*path.to_string_lossy()),
-                "{error}"
-            );
+            assert!(error.to_string().contains(&*path.to_string_lossy()), "{error}");
         }
         // A directory in the place of the file.
         let path = directory.path().join("d");

@@ -37,7 +37,9 @@ fn explain(message: &str) -> String {
     let allowed: Vec<&str> = names.collect();
     let kind = if message.starts_with("unknown variant") { "value" } else { "key" };
     match nearest(found, allowed.iter().copied()) {
-        Some(near) => format!("unknown {kind} `{found}`; did you mean `{near}`? (allowed: {})", allowed.join(", ")),
+        Some(near) => {
+            format!("unknown {kind} `{found}`; did you mean `{near}`? (allowed: {})", allowed.join(", "))
+        }
         None => message,
     }
 }

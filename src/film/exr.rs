@@ -17,9 +17,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ImageAttributes,
-    IntegerBounds, Layer, LayerAttributes, Layers, MetaData, ReadChannels, ReadLayers, Text, Vec2,
-    WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds,
+    Layer, LayerAttributes, Layers, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
 };
 use serde_json::Value;
 
@@ -65,49 +64,28 @@ impl ExrPart {
     /// A part of three channels, for instance X, Y, Z of a normal.
     #[must_use]
     pub fn triple(name: impl Into<String>, channels: [&str; 3], values: &[[f32; 3]]) -> Self {
-        let channels = (0..3)
-            .map(|c| {
-                (
-                    channels[c].to_owned(),
-                    values.iter().map(|v| v[c]).collect(),
-                )
-            })
-            .collect();
-        Self {
-            name: name.into(),
-            channels,
-        }
+        let channels =
+            (0..3).map(|c| (channels[c].to_owned(), values.iter().map(|v| v[c]).collect())).collect();
+        Self { name: name.into(), channels }
     }
 
     /// A part of one channel.
     #[must_use]
     pub fn single(name: impl Into<String>, channel: &str, values: Vec<f32>) -> Self {
-        Self {
-            name: name.into(),
-            channels: vec![(channel.to_owned(), values)],
-        }
+        Self { name: name.into(), channels: vec![(channel.to_owned(), values)] }
     }
 
     /// The samples of a channel.
     #[must_use]
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
-        self.channels
-            .iter()
-            .find(|(n, _)| n == name)
-            .map(|(_, samples)| samples.as_slice())
+        self.channels.iter().find(|(n, _)| n == name).map(|(_, samples)| samples.as_slice())
     }
 
     /// Colours from the channels `{prefix}R`, `{prefix}G`, `{prefix}B`.
     fn colours(&self, prefix: &str) -> Option<Vec<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);
-        Some(
-            r.iter()
-                .zip(g)
-                .zip(b)
-                .map(|((&r, &g), &b)| [r, g, b])
-                .collect(),
-        )
+        Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())
     }
 }
 
@@ -135,18 +113,13 @@ impl ExrImage {
             .collect();
         let likely = |prefix: &str| {
             let lower = prefix.to_lowercase();
-            ["beauty", "combined", "rgba"]
-                .iter()
-                .any(|known| lower.contains(known))
+            ["beauty", "combined", "rgba"].iter().any(|known| lower.contains(known))
         };
         layers.sort_by_key(|(_, prefix)| !likely(prefix));
-        layers
-            .iter()
-            .find_map(|(p, prefix)| p.colours(prefix))
-            .or_else(|| {
-                let grey = self.parts.iter().find_map(|p| p.channel("Y"))?;
-                Some(grey.iter().map(|&y| [y; 3]).collect())
-            })
+        layers.iter().find_map(|(p, prefix)| p.colours(prefix)).or_else(|| {
+            let grey = self.parts.iter().find_map(|p| p.channel("Y"))?;
+            Some(grey.iter().map(|&y| [y; 3]).collect())
+        })
     }
 
     /// `part.channel` of every channel, for messages.
@@ -184,38 +157,23 @@ pub fn write_exr(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
         let mut attributes = LayerAttributes::named(text("part", &part.name)?);
         if let (0, Some(value)) = (i, &image.lightopt) {
             let json = text("attribute", &ascii_json(value))?;
-            attributes
-                .other
-                .insert(Text::from(ATTRIBUTE), AttributeValue::Text(json));
+            attributes.other.insert(Text::from(ATTRIBUTE), AttributeValue::Text(json));
         }
         let mut channels = Vec::with_capacity(part.channels.len());
         for (name, samples) in &part.channels {
-            channels.push(AnyChannel::new(
-                text("channel", name)?,
-                FlatSamples::F32(samples.clone()),
-            ));
+            channels.push(AnyChannel::new(text("channel", name)?, FlatSamples::F32(samples.clone())));
         }
         let channels = AnyChannels::sort(channels.into());
-        layers.push(Layer::new(
-            size,
-            attributes,
-            Encoding::SMALL_LOSSLESS,
-            channels,
-        ));
+        layers.push(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
     }
-    let exr = Image {
-        attributes: ImageAttributes::new(IntegerBounds::from_dimensions(size)),
-        layer_data: layers,
-    };
+    let exr =
+        Image { attributes: ImageAttributes::new(IntegerBounds::from_dimensions(size)), layer_data: layers };
     write_atomically(path, |file| {
         // One thread: pictures are small, and the order of chunks is then beyond doubt.
         exr.write()
             .non_parallel()
             .to_buffered(file)
-            .map_err(|source| ExrError::Write {
-                path: path.to_owned(),
-                source,
-            })
+            .map_err(|source| ExrError::Write { path: path.to_owned(), source })
     })
 }
 
@@ -223,17 +181,11 @@ fn check(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let &ExrImage { width, height, .. } = image;
     check_size(path, width, height)?;
     if image.parts.is_empty() || image.parts.iter().any(|p| p.channels.is_empty()) {
-        return Err(ExrError::Empty {
-            path: path.to_owned(),
-        });
+        return Err(ExrError::Empty { path: path.to_owned() });
     }
     check_names(path, "part", image.parts.iter().map(|p| p.name.as_str()))?;
     for part in &image.parts {
-        check_names(
-            path,
-            "channel",
-            part.channels.iter().map(|(name, _)| name.as_str()),
-        )?;
+        check_names(path, "channel", part.channels.iter().map(|(name, _)| name.as_str()))?;
         for (channel, samples) in &part.channels {
             if samples.len() != width * height {
                 return Err(ExrError::ChannelSize {
@@ -253,11 +205,7 @@ fn check(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
 fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ExrError> {
     match width.checked_mul(height) {
         Some(1..=MAX_PIXELS) => Ok(()),
-        _ => Err(ExrError::Size {
-            path: path.to_owned(),
-            width,
-            height,
-        }),
+        _ => Err(ExrError::Size { path: path.to_owned(), width, height }),
     }
 }
 
@@ -271,11 +219,7 @@ fn check_names<'a>(
         let printable = name.bytes().all(|b| (b' '..=b'~').contains(&b));
         if !printable || name.is_empty() || name.len() > 255 || seen.contains(&name) {
             let name = name.to_owned();
-            return Err(ExrError::Name {
-                path: path.to_owned(),
-                kind,
-                name,
-            });
+            return Err(ExrError::Name { path: path.to_owned(), kind, name });
         }
         seen.push(name);
     }
@@ -317,10 +261,7 @@ fn sorted(value: &Value) -> Value {
 /// # Errors
 /// When the file is no EXR, too large, deep, subsampled, or its attribute broken.
 pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
-    let read = |source| ExrError::Read {
-        path: path.to_owned(),
-        source,
-    };
+    let read = |source| ExrError::Read { path: path.to_owned(), source };
     // The headers first: sizes are checked before anything is allocated for them.
     let meta = MetaData::read_from_file(path, false).map_err(read)?;
     for header in &meta.headers {
@@ -344,11 +285,8 @@ pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
         if let Some(AttributeValue::Text(text)) = layer.attributes.other.get(ATTRIBUTE.as_bytes())
             && lightopt.is_none()
         {
-            let json =
-                serde_json::from_str(&text.to_string()).map_err(|source| ExrError::Attribute {
-                    path: path.to_owned(),
-                    source,
-                })?;
+            let json = serde_json::from_str(&text.to_string())
+                .map_err(|source| ExrError::Attribute { path: path.to_owned(), source })?;
             lightopt = Some(json);
         }
         let data = IntegerBounds::new(layer.attributes.layer_position, layer.size);
@@ -356,28 +294,15 @@ pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
         for channel in &layer.channel_data.list {
             let name = channel.name.to_string();
             if channel.sampling != Vec2(1, 1) {
-                return Err(ExrError::Subsampled {
-                    path: path.to_owned(),
-                    channel: name,
-                });
+                return Err(ExrError::Subsampled { path: path.to_owned(), channel: name });
             }
             let samples: Vec<f32> = channel.sample_data.values_as_f32().collect();
             channels.push((name, fit(samples, data, window)));
         }
-        let name = layer
-            .attributes
-            .layer_name
-            .as_ref()
-            .map(Text::to_string)
-            .unwrap_or_default();
+        let name = layer.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
         parts.push(ExrPart { name, channels });
     }
-    Ok(ExrImage {
-        width: window.size.0,
-        height: window.size.1,
-        parts,
-        lightopt,
-    })
+    Ok(ExrImage { width: window.size.0, height: window.size.1, parts, lightopt })
 }
 
 /// Lays samples of the data window into the display window.
@@ -422,9 +347,7 @@ mod tests {
 
     fn sample() -> ExrImage {
         let n = 12;
-        let rgb: Vec<[f32; 3]> = (0..n)
-            .map(|i| [AWKWARD[i], i as f32 / 7.0, AWKWARD[n - 1 - i]])
-            .collect();
+        let rgb: Vec<[f32; 3]> = (0..n).map(|i| [AWKWARD[i], i as f32 / 7.0, AWKWARD[n - 1 - i]]).collect();
         ExrImage {
             width: 4,
             height: 3,
@@ -477,12 +400,7 @@ mod tests {
             .map(|i| f32::from_bits((i as u32).wrapping_mul(2_654_435_761) & 0x7f7f_ffff))
             .collect();
         let parts = vec![ExrPart::single("x", "v", noise)];
-        let image = ExrImage {
-            width,
-            height,
-            parts,
-            lightopt: None,
-        };
+        let image = ExrImage { width, height, parts, lightopt: None };
         write_exr(&path, &image).unwrap();
         assert_eq!(read_exr(&path).unwrap(), image);
     }
@@ -506,9 +424,7 @@ mod tests {
     fn the_attribute_is_ascii_json_with_sorted_keys() {
         let text = ascii_json(&sample().lightopt.unwrap());
         assert!(text.is_ascii());
-        assert!(
-            text.starts_with(r#"{"alpha":[1,{"b":"Gr\u00fc\u00dfe \ud834\udd1e","y":0}],"f_q""#)
-        );
+        assert!(text.starts_with(r#"{"alpha":[1,{"b":"Gr\u00fc\u00dfe \ud834\udd1e","y":0}],"f_q""#));
         let back: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(Some(back), sample().lightopt);
     }
@@ -529,34 +445,16 @@ mod tests {
             refused(&|i| i.parts[1].channels[0].1.truncate(5)),
             ExrError::ChannelSize { samples: 5, .. }
         ));
-        assert!(matches!(
-            refused(&|i| i.parts[1].name = "mask".into()),
-            ExrError::Name { kind: "part", .. }
-        ));
+        assert!(matches!(refused(&|i| i.parts[1].name = "mask".into()), ExrError::Name { kind: "part", .. }));
         assert!(matches!(
             refused(&|i| i.parts[0].channels[0].0 = "G".into()),
-            ExrError::Name {
-                kind: "channel",
-                ..
-            }
+            ExrError::Name { kind: "channel", .. }
         ));
-        assert!(matches!(
-            refused(&|i| i.parts[2].name = "Maß".into()),
-            ExrError::Name { .. }
-        ));
-        assert!(matches!(
-            refused(&|i| i.parts.clear()),
-            ExrError::Empty { .. }
-        ));
-        assert!(matches!(
-            refused(&|i| i.parts[0].channels.clear()),
-            ExrError::Empty { .. }
-        ));
+        assert!(matches!(refused(&|i| i.parts[2].name = "Maß".into()), ExrError::Name { .. }));
+        assert!(matches!(refused(&|i| i.parts.clear()), ExrError::Empty { .. }));
+        assert!(matches!(refused(&|i| i.parts[0].channels.clear()), ExrError::Empty { .. }));
         assert!(matches!(refused(&|i| i.width = 0), ExrError::Size { .. }));
-        assert!(matches!(
-            refused(&|i| i.width = usize::MAX),
-            ExrError::Size { .. }
-        ));
+        assert!(matches!(refused(&|i| i.width = usize::MAX), ExrError::Size { .. }));
     }
 
     #[test]
@@ -570,10 +468,7 @@ mod tests {
         let whole = std::fs::read(&path).unwrap();
         for part in 1..10 {
             std::fs::write(&path, &whole[..whole.len() * part / 10]).unwrap();
-            assert!(
-                matches!(read_exr(&path), Err(ExrError::Read { .. })),
-                "{part}/10"
-            );
+            assert!(matches!(read_exr(&path), Err(ExrError::Read { .. })), "{part}/10");
         }
     }
 
@@ -581,8 +476,7 @@ mod tests {
     fn half_floats_layers_and_data_windows_of_other_programs_are_read() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.exr");
-        let half =
-            |name: &str, v: f32| AnyChannel::new(name, FlatSamples::F16(vec![f16::from_f32(v); 4]));
+        let half = |name: &str, v: f32| AnyChannel::new(name, FlatSamples::F16(vec![f16::from_f32(v); 4]));
         let channels: SmallVec<_> = [
             half("View Layer.Depth.Z", 9.0),
             half("View Layer.Combined.R", 0.5),
@@ -595,21 +489,11 @@ mod tests {
         .into_iter()
         .collect();
         // Data: 2 × 2 at (3, 1); display: 3 × 3 at (1, 0).
-        let attributes = LayerAttributes {
-            layer_position: Vec2(3, 1),
-            ..LayerAttributes::default()
-        };
-        let layer = Layer::new(
-            (2, 2),
-            attributes,
-            Encoding::SMALL_FAST_LOSSLESS,
-            AnyChannels::sort(channels),
-        );
+        let attributes = LayerAttributes { layer_position: Vec2(3, 1), ..LayerAttributes::default() };
+        let layer =
+            Layer::new((2, 2), attributes, Encoding::SMALL_FAST_LOSSLESS, AnyChannels::sort(channels));
         let window = IntegerBounds::new((1, 0), (3, 3));
-        let image = Image {
-            attributes: ImageAttributes::new(window),
-            layer_data: layer,
-        };
+        let image = Image { attributes: ImageAttributes::new(window), layer_data: layer };
         image.write().to_file(&path).unwrap();
 
         let read = read_exr(&path).unwrap();
@@ -618,11 +502,7 @@ mod tests {
         // The data's left column falls on the window's last one, its right column outside.
         for (i, &value) in rgb.iter().enumerate() {
             let inside = i == 5 || i == 8;
-            assert_eq!(
-                value,
-                if inside { [0.5, 0.25, 2.0] } else { [0.0; 3] },
-                "{i}"
-            );
+            assert_eq!(value, if inside { [0.5, 0.25, 2.0] } else { [0.0; 3] }, "{i}");
         }
         assert!(read.lightopt.is_none());
     }

@@ -108,33 +108,20 @@ const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// # Errors
 /// When it cannot be opened.
 pub fn is_exr(path: &Path) -> Result<bool, ImageFileError> {
-    let open = |source| ImageFileError::Open {
-        path: path.to_owned(),
-        source,
-    };
+    let open = |source| ImageFileError::Open { path: path.to_owned(), source };
     let mut start = Vec::with_capacity(4);
-    File::open(path)
-        .map_err(open)?
-        .take(4)
-        .read_to_end(&mut start)
-        .map_err(open)?;
+    File::open(path).map_err(open)?.take(4).read_to_end(&mut start).map_err(open)?;
     Ok(start == EXR_MAGIC)
 }
 
 fn decode(path: &Path) -> Result<DynamicImage, ImageFileError> {
-    let open = |source| ImageFileError::Open {
-        path: path.to_owned(),
-        source,
-    };
+    let open = |source| ImageFileError::Open { path: path.to_owned(), source };
     let file = BufReader::new(File::open(path).map_err(open)?);
     ImageReader::new(file)
         .with_guessed_format()
         .map_err(open)?
         .decode()
-        .map_err(|source| ImageFileError::Decode {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(|source| ImageFileError::Decode { path: path.to_owned(), source })
 }
 
 /// Reads any known picture as linear RGB; the content decides on the format.
@@ -147,17 +134,10 @@ pub fn read_image(path: &Path) -> Result<LinearImage, ImageFileError> {
     }
     let picture = decode(path)?;
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let float = matches!(
-        picture,
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
-    );
+    let float = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
     let deep = !float && picture.color().bytes_per_pixel() > picture.color().channel_count();
     let rgb = if float {
-        picture
-            .into_rgba32f()
-            .pixels()
-            .map(|p| over_black(p.0.map(f64::from)))
-            .collect()
+        picture.into_rgba32f().pixels().map(|p| over_black(p.0.map(f64::from))).collect()
     } else if deep {
         let decoded = |v: u16| eotf_srgb(f64::from(v) / 65535.0);
         picture
@@ -197,11 +177,7 @@ pub fn exr_beauty(path: &Path, exr: &ExrImage) -> Result<LinearImage, ImageFileE
         wanted: "channels R, G, B (or Y)",
         found: exr.channel_names(),
     })?;
-    Ok(LinearImage {
-        width: exr.width,
-        height: exr.height,
-        rgb,
-    })
+    Ok(LinearImage { width: exr.width, height: exr.height, rgb })
 }
 
 /// Writes linear RGB as 8-bit sRGB PNG: `round(255 · oetf_srgb(clamp(e·v, 0, 1)))`.
@@ -215,13 +191,7 @@ pub fn write_png(path: &Path, picture: &LinearImage, exposure: f64) -> Result<()
         (l * 255.0).round() as u8 // NaN becomes 0
     };
     let bytes: Vec<u8> = picture.rgb.iter().flatten().map(|&v| encode(v)).collect();
-    encode_png(
-        path,
-        picture.width,
-        picture.height,
-        &bytes,
-        ExtendedColorType::Rgb8,
-    )
+    encode_png(path, picture.width, picture.height, &bytes, ExtendedColorType::Rgb8)
 }
 
 /// Writes a mask as 8-bit grey PNG: white on the object.
@@ -230,11 +200,7 @@ pub fn write_png(path: &Path, picture: &LinearImage, exposure: f64) -> Result<()
 /// When the size is wrong or the destination impossible.
 pub fn write_mask_png(path: &Path, mask: &MaskImage) -> Result<(), ImageFileError> {
     check_size(path, mask.width, mask.height, mask.object.len())?;
-    let bytes: Vec<u8> = mask
-        .object
-        .iter()
-        .map(|&o| if o { 255 } else { 0 })
-        .collect();
+    let bytes: Vec<u8> = mask.object.iter().map(|&o| if o { 255 } else { 0 }).collect();
     encode_png(path, mask.width, mask.height, &bytes, ExtendedColorType::L8)
 }
 
@@ -245,12 +211,7 @@ pub fn write_mask_png(path: &Path, mask: &MaskImage) -> Result<(), ImageFileErro
 pub fn write_mask_exr(path: &Path, mask: &MaskImage) -> Result<(), ImageFileError> {
     check_size(path, mask.width, mask.height, mask.object.len())?;
     let parts = vec![mask_part(&mask.object)];
-    let image = ExrImage {
-        width: mask.width,
-        height: mask.height,
-        parts,
-        lightopt: None,
-    };
+    let image = ExrImage { width: mask.width, height: mask.height, parts, lightopt: None };
     Ok(write_exr(path, &image)?)
 }
 
@@ -261,23 +222,13 @@ pub fn mask_part(object: &[bool]) -> ExrPart {
     ExrPart::single("mask", "mask", samples)
 }
 
-fn check_size(
-    path: &Path,
-    width: usize,
-    height: usize,
-    pixels: usize,
-) -> Result<(), ImageFileError> {
+fn check_size(path: &Path, width: usize, height: usize, pixels: usize) -> Result<(), ImageFileError> {
     // PNG counts in u32 and refuses 0; EXR checks itself.
     let fits = u32::try_from(width).is_ok() && u32::try_from(height).is_ok();
     if fits && pixels > 0 && width.checked_mul(height) == Some(pixels) {
         Ok(())
     } else {
-        Err(ImageFileError::Size {
-            path: path.to_owned(),
-            pixels,
-            width,
-            height,
-        })
+        Err(ImageFileError::Size { path: path.to_owned(), pixels, width, height })
     }
 }
 
@@ -291,10 +242,7 @@ fn encode_png(
     write_atomically(path, |file| {
         PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::Adaptive)
             .write_image(bytes, width as u32, height as u32, color)
-            .map_err(|source| ImageFileError::Encode {
-                path: path.to_owned(),
-                source,
-            })
+            .map_err(|source| ImageFileError::Encode { path: path.to_owned(), source })
     })
 }
 
@@ -310,11 +258,7 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, ImageFileError> {
     let grey = decode(path)?.into_luma16();
     let (width, height) = (grey.width() as usize, grey.height() as usize);
     let object = grey.pixels().map(|p| p.0[0] >= 0x8000).collect();
-    Ok(MaskImage {
-        width,
-        height,
-        object,
-    })
+    Ok(MaskImage { width, height, object })
 }
 
 /// The mask in an EXR picture that has been read from `path`; see [`read_mask`].
@@ -327,21 +271,16 @@ pub fn exr_mask(path: &Path, exr: &ExrImage) -> Result<MaskImage, ImageFileError
         [part] if part.channels.len() == 1 => Some(part.channels[0].1.as_slice()),
         _ => None,
     };
-    let samples = stored_mask(exr)
-        .or_else(only)
-        .or_else(|| named("Y"))
-        .or_else(|| named("A"))
-        .ok_or_else(|| ImageFileError::MissingChannel {
-            path: path.to_owned(),
-            wanted: "a channel `mask` (or a single channel, Y or A)",
-            found: exr.channel_names(),
+    let samples =
+        stored_mask(exr).or_else(only).or_else(|| named("Y")).or_else(|| named("A")).ok_or_else(|| {
+            ImageFileError::MissingChannel {
+                path: path.to_owned(),
+                wanted: "a channel `mask` (or a single channel, Y or A)",
+                found: exr.channel_names(),
+            }
         })?;
     let object = samples.iter().map(|&v| v >= 0.5).collect();
-    Ok(MaskImage {
-        width: exr.width,
-        height: exr.height,
-        object,
-    })
+    Ok(MaskImage { width: exr.width, height: exr.height, object })
 }
 
 /// The samples of the channel `mask`, when an EXR carries one.
@@ -359,20 +298,14 @@ mod tests {
 
     fn ramp(width: usize, height: usize) -> LinearImage {
         let n = width * height;
-        let rgb = (0..n)
-            .map(|i| i as f32 / n as f32)
-            .map(|v| [v, v * v, 1.0 - v])
-            .collect();
+        let rgb = (0..n).map(|i| i as f32 / n as f32).map(|v| [v, v * v, 1.0 - v]).collect();
         LinearImage { width, height, rgb }
     }
 
     #[test]
     fn a_png_decodes_to_within_half_a_code_and_encodes_again_to_the_same_bytes() {
         let directory = tempfile::tempdir().unwrap();
-        let (a, b) = (
-            directory.path().join("a.png"),
-            directory.path().join("b.png"),
-        );
+        let (a, b) = (directory.path().join("a.png"), directory.path().join("b.png"));
         let picture = ramp(31, 17);
         write_png(&a, &picture, 1.0).unwrap();
         let read = read_image(&a).unwrap();
@@ -390,16 +323,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
         let rgb = vec![[0.107_020_57, -1.0, 9.0], [f32::NAN, f32::INFINITY, 0.0]];
-        write_png(
-            &path,
-            &LinearImage {
-                width: 2,
-                height: 1,
-                rgb,
-            },
-            2.0,
-        )
-        .unwrap();
+        write_png(&path, &LinearImage { width: 2, height: 1, rgb }, 2.0).unwrap();
         let bytes = image::open(&path).unwrap().into_rgb8().into_raw();
         assert_eq!(bytes, [128, 0, 255, 0, 255, 0]); // 2 · 0.107… is middle grey
     }
@@ -418,8 +342,7 @@ mod tests {
         deep.save(&tiff).unwrap();
         assert_eq!(read_image(&tiff).unwrap().rgb, [[want, 1.0, 0.0]]);
 
-        let clear: ImageBuffer<Rgba<u8>, _> =
-            ImageBuffer::from_pixel(1, 1, Rgba([255, 255, 255, 51]));
+        let clear: ImageBuffer<Rgba<u8>, _> = ImageBuffer::from_pixel(1, 1, Rgba([255, 255, 255, 51]));
         clear.save(&path).unwrap();
         assert_eq!(read_image(&path).unwrap().rgb, [[0.2; 3]]);
     }
@@ -428,9 +351,7 @@ mod tests {
     fn jpeg_is_read_and_the_content_decides_on_the_format() {
         let directory = tempfile::tempdir().unwrap();
         let jpeg = directory.path().join("a.jpg");
-        ImageBuffer::from_pixel(8, 8, Luma([188_u8]))
-            .save(&jpeg)
-            .unwrap();
+        ImageBuffer::from_pixel(8, 8, Luma([188_u8])).save(&jpeg).unwrap();
         let disguised = directory.path().join("b.png");
         std::fs::rename(&jpeg, &disguised).unwrap();
         let grey = read_image(&disguised).unwrap().rgb[0];
@@ -441,11 +362,7 @@ mod tests {
     fn masks_survive_png_and_exr() {
         let directory = tempfile::tempdir().unwrap();
         let object = (0..35).map(|i| i % 3 == 0).collect();
-        let mask = MaskImage {
-            width: 7,
-            height: 5,
-            object,
-        };
+        let mask = MaskImage { width: 7, height: 5, object };
         let path = directory.path().join("m.png");
         write_mask_png(&path, &mask).unwrap();
         assert_eq!(read_mask(&path).unwrap(), mask);
@@ -468,20 +385,11 @@ mod tests {
         write_exr(&path, &exr).unwrap();
         assert_eq!(read_image(&path).unwrap(), picture);
         let error = read_mask(&path).unwrap_err();
-        assert!(
-            error.to_string().contains("beauty/B, beauty/G, beauty/R"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("beauty/B, beauty/G, beauty/R"), "{error}");
 
-        exr.parts = vec![
-            ExrPart::single("depth", "Z", vec![1.0; 20]),
-            mask_part(&[false; 20]),
-        ];
+        exr.parts = vec![ExrPart::single("depth", "Z", vec![1.0; 20]), mask_part(&[false; 20])];
         write_exr(&path, &exr).unwrap();
-        assert!(matches!(
-            read_image(&path),
-            Err(ImageFileError::MissingChannel { .. })
-        ));
+        assert!(matches!(read_image(&path), Err(ImageFileError::MissingChannel { .. })));
         assert_eq!(read_mask(&path).unwrap().object, [false; 20]);
     }
 
@@ -489,28 +397,12 @@ mod tests {
     fn what_is_no_picture_or_does_not_fit_is_an_error() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
-        assert!(matches!(
-            read_image(&path),
-            Err(ImageFileError::Open { .. })
-        ));
+        assert!(matches!(read_image(&path), Err(ImageFileError::Open { .. })));
         std::fs::write(&path, "text").unwrap();
-        assert!(matches!(
-            read_image(&path),
-            Err(ImageFileError::Decode { .. })
-        ));
-        assert!(matches!(
-            read_mask(&path),
-            Err(ImageFileError::Decode { .. })
-        ));
-        let wrong = LinearImage {
-            width: 3,
-            height: 3,
-            rgb: vec![[0.0; 3]; 8],
-        };
-        assert!(matches!(
-            write_png(&path, &wrong, 1.0),
-            Err(ImageFileError::Size { .. })
-        ));
+        assert!(matches!(read_image(&path), Err(ImageFileError::Decode { .. })));
+        assert!(matches!(read_mask(&path), Err(ImageFileError::Decode { .. })));
+        let wrong = LinearImage { width: 3, height: 3, rgb: vec![[0.0; 3]; 8] };
+        assert!(matches!(write_png(&path, &wrong, 1.0), Err(ImageFileError::Size { .. })));
         assert_eq!(std::fs::read(&path).unwrap(), b"text");
     }
 }

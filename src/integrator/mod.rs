@@ -46,7 +46,7 @@ impl Strategy {
     }
 }
 
-/// Multiple importance sampling heuristic. [Veach97] 9.2.
+/// Multiple importance sampling heuristic. \[Veach97\] 9.2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Heuristic {
     /// Weights proportional to the densities.
@@ -115,7 +115,9 @@ pub enum RenderError {
     #[error("{0} contributions overflowed the film; lower the lights' radiance or the exposure")]
     Overflow(u64),
     /// More than one contribution in a million was not a number.
-    #[error("{dropped} contributions of {samples} samples were not finite: the scene's scale or geometry is broken")]
+    #[error(
+        "{dropped} contributions of {samples} samples were not finite: the scene's scale or geometry is broken"
+    )]
     NonFinite {
         /// How many.
         dropped: u64,
@@ -230,7 +232,7 @@ const ROULETTE_START: usize = 3;
 const MIN_SURVIVAL: f32 = 0.1;
 
 /// Russian roulette after `n_edges`: the factor on the throughput of a
-/// survivor, or `None`. [Veach97] 10.4.1.
+/// survivor, or `None`. \[Veach97\] 10.4.1.
 fn roulette(n_edges: usize, throughput: Rgb, u: f32) -> Option<f32> {
     if n_edges < ROULETTE_START {
         return Some(1.0);

@@ -1,7 +1,7 @@
 //! Unidirectional path tracing with next-event estimation.
 //!
 //! # References
-//! [Kajiya86]; [Veach97] 9.2 (multiple importance sampling).
+//! \[Kajiya86\]; \[Veach97\] 9.2 (multiple importance sampling).
 
 use glam::UVec2;
 

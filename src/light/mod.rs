@@ -172,7 +172,8 @@ impl Light {
         match &self.shape {
             Shape::Planar(s) => {
                 let d = c.p - reference;
-                s.pdf_pos(&self.size_density, c.rho).to_solid_angle(d.length_squared(), c.n.dot(d.normalize()))
+                s.pdf_pos(&self.size_density, c.rho)
+                    .to_solid_angle(d.length_squared(), c.n.dot(d.normalize()))
             }
             Shape::Sphere(s) => s.pdf_li(reference, &self.size_density, c.rho),
             Shape::Point(_) => SolidAnglePdf(0.0),

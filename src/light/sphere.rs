@@ -35,7 +35,13 @@ impl Sphere {
             return None;
         }
         let p = org + dir * t;
-        Some(Crossing { t, p, n: (p - self.center) / r, rho: perpendicular / self.radius, radiance: Rgb::ONE })
+        Some(Crossing {
+            t,
+            p,
+            n: (p - self.center) / r,
+            rho: perpendicular / self.radius,
+            radiance: Rgb::ONE,
+        })
     }
 
     pub(super) fn sample_li(&self, reference: Vec3, q: &SizeDensity, u: Vec2) -> Option<LightLiSample> {

@@ -58,40 +58,26 @@ impl LuminanceMode {
     /// Every reported value comes through here, so a stored picture gives it again bit for bit.
     #[must_use]
     pub fn encode_image(self, rgb: &[[f32; 3]], exposure: f64) -> Vec<f64> {
-        rgb.iter()
-            .map(|&c| self.encode(luminance(c), exposure))
-            .collect()
+        rgb.iter().map(|&c| self.encode(luminance(c), exposure)).collect()
     }
 }
 
 /// sRGB encoding of `v` in [0, 1].
 #[must_use]
 pub fn oetf_srgb(v: f64) -> f64 {
-    if v <= 0.003_130_8 {
-        12.92 * v
-    } else {
-        1.055 * v.powf(1.0 / 2.4) - 0.055
-    }
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// Derivative of [`oetf_srgb`].
 #[must_use]
 pub fn oetf_srgb_derivative(v: f64) -> f64 {
-    if v <= 0.003_130_8 {
-        12.92
-    } else {
-        1.055 / 2.4 * v.powf(1.0 / 2.4 - 1.0)
-    }
+    if v <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * v.powf(1.0 / 2.4 - 1.0) }
 }
 
 /// sRGB decoding: inverse of [`oetf_srgb`].
 #[must_use]
 pub fn eotf_srgb(l: f64) -> f64 {
-    if l <= 0.040_45 {
-        l / 12.92
-    } else {
-        ((l + 0.055) / 1.055).powf(2.4)
-    }
+    if l <= 0.040_45 { l / 12.92 } else { ((l + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
@@ -102,20 +88,11 @@ mod tests {
     fn derivative_agrees_with_central_differences() {
         let h = 1e-7;
         for mode in [LuminanceMode::Srgb, LuminanceMode::Linear] {
-            for (y, e) in [
-                (0.001, 1.0),
-                (0.2, 1.5),
-                (0.49, 2.0),
-                (0.7, 0.3),
-                (3.0, 1.0),
-            ] {
+            for (y, e) in [(0.001, 1.0), (0.2, 1.5), (0.49, 2.0), (0.7, 0.3), (3.0, 1.0)] {
                 let fd = (mode.encode(y + h, e) - mode.encode(y - h, e)) / (2.0 * h);
                 let (l, slope) = mode.encode_with_derivative(y, e);
                 assert_eq!(l, mode.encode(y, e));
-                assert!(
-                    (fd - slope).abs() <= 1e-6 * slope.abs().max(1e-3),
-                    "{mode:?} {y} {e}"
-                );
+                assert!((fd - slope).abs() <= 1e-6 * slope.abs().max(1e-3), "{mode:?} {y} {e}");
             }
         }
     }

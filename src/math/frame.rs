@@ -16,7 +16,7 @@ pub struct Frame {
 impl Frame {
     /// Builds a frame around a unit normal, without branches or singularity.
     ///
-    /// [Duff17] listing 3.
+    /// \[Duff17\] listing 3.
     #[must_use]
     pub fn from_normal(n: Vec3) -> Self {
         let sign = 1.0_f32.copysign(n.z);
@@ -49,12 +49,8 @@ mod tests {
     #[test]
     fn frames_are_orthonormal_in_every_octant() {
         for i in 0..64 {
-            let n = Vec3::new(
-                (i % 4) as f32 - 1.5,
-                (i / 4 % 4) as f32 - 1.5,
-                (i / 16) as f32 - 1.5,
-            )
-            .normalize();
+            let n =
+                Vec3::new((i % 4) as f32 - 1.5, (i / 4 % 4) as f32 - 1.5, (i / 16) as f32 - 1.5).normalize();
             let f = Frame::from_normal(n);
             for (a, b) in [(f.s, f.t), (f.t, f.n), (f.n, f.s)] {
                 assert!(a.dot(b).abs() < 1e-6);

@@ -1,6 +1,6 @@
 //! Statistics for tests and error bars.
 
-/// Running mean and variance, [Welford62].
+/// Running mean and variance, \[Welford62\].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moments {
     n: u64,
@@ -42,7 +42,7 @@ impl Moments {
     }
 }
 
-/// Standard normal quantile, [Acklam03]; relative error below 1.2e-9.
+/// Standard normal quantile, \[Acklam03\]; relative error below 1.2e-9.
 ///
 /// # Panics
 /// When `p` is outside (0, 1).

@@ -8,7 +8,7 @@ use super::SolidAnglePdf;
 
 /// Uniform point of the unit disk, concentric map.
 ///
-/// [Shirley97]; this form: [PBRT4] A.5.1.
+/// \[Shirley97\]; this form: \[PBRT4\] A.5.1.
 #[must_use]
 pub fn square_to_disk(u: Vec2) -> Vec2 {
     let o = 2.0 * u - Vec2::ONE;

@@ -14,11 +14,7 @@ fn for_each_object_pixel(regions: &Regions, mut visit: impl FnMut([usize; 8])) {
         let above = y.saturating_sub(1) * w;
         let row = y * w;
         let below = (y + 1).min(h - 1) * w;
-        for (x, _) in regions.mask()[row..row + w]
-            .iter()
-            .enumerate()
-            .filter(|&(_, &object)| object)
-        {
+        for (x, _) in regions.mask()[row..row + w].iter().enumerate().filter(|&(_, &object)| object) {
             let left = x.saturating_sub(1);
             let right = (x + 1).min(w - 1);
             visit([
@@ -38,10 +34,7 @@ fn for_each_object_pixel(regions: &Regions, mut visit: impl FnMut([usize; 8])) {
 /// `(∂l/∂x, ∂l/∂y)` by the Sobel pair: [-1 0 1; -2 0 2; -1 0 1] and its transpose.
 fn sobel(l: &[f64], n: [usize; 8]) -> (f64, f64) {
     let [al, a, ar, le, ri, bl, b, br] = n.map(|i| l[i]);
-    (
-        (ar - al) + 2.0 * (ri - le) + (br - bl),
-        (bl - al) + 2.0 * (b - a) + (br - ar),
-    )
+    ((ar - al) + 2.0 * (ri - le) + (br - bl), (bl - al) + 2.0 * (b - a) + (br - ar))
 }
 
 /// `g² = 1/N_obj Σ_{p ∈ obj} |∇l_p|²`.

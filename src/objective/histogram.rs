@@ -73,17 +73,9 @@ pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumu
     if f > 0.0 {
         for ((out, &p), &q) in derivative.iter_mut().zip(p).zip(q) {
             let root = (q + epsilon).sqrt();
-            let d_numerator = if root > 0.0 {
-                1.0 - p.sqrt() / root
-            } else {
-                0.0
-            };
+            let d_numerator = if root > 0.0 { 1.0 - p.sqrt() / root } else { 0.0 };
             let spread = modulus(q - 0.5, epsilon);
-            let d_denominator = if spread > 0.0 {
-                (q - 0.5) / spread
-            } else {
-                0.0
-            };
+            let d_denominator = if spread > 0.0 { (q - 0.5) / spread } else { 0.0 };
             *out = (d_numerator - f * f * d_denominator) / (2.0 * f * denominator);
         }
         derivative[BINS - 1] = 0.0; // the last q is 1, whatever the picture
@@ -111,15 +103,7 @@ mod tests {
     fn the_fast_histogram_is_the_definition() {
         let mut rng = Rng::new(1);
         let mut l: Vec<f64> = (0..500).map(|_| rng.uniform()).collect();
-        l.extend([
-            0.0,
-            1.0,
-            0.5 / 256.0,
-            255.5 / 256.0,
-            0.25,
-            1.0 / 512.0,
-            1.0 - 1e-16,
-        ]);
+        l.extend([0.0, 1.0, 0.5 / 256.0, 255.5 / 256.0, 0.25, 1.0 / 512.0, 1.0 - 1e-16]);
         let fast = cumulated(&l, Ramp::Linear);
         for (i, (a, b)) in fast.iter().zip(by_definition(&l)).enumerate() {
             assert!((a - b).abs() < 1e-13, "bin {i}: {a} {b}");

@@ -40,10 +40,7 @@ impl JackknifeEstimate {
 ///
 /// # Errors
 /// With fewer than two replicates.
-pub fn corrected(
-    full: &Statistics,
-    leave_one_out: &[Statistics],
-) -> Result<Statistics, ObjectiveError> {
+pub fn corrected(full: &Statistics, leave_one_out: &[Statistics]) -> Result<Statistics, ObjectiveError> {
     let [weight_full, weight_one] = weights(leave_one_out.len())?;
     let mut z = Statistics::ZERO;
     z.add_scaled(weight_full, full);
@@ -81,10 +78,7 @@ impl Objective {
         let naive = self.terms(full, smoothing).f_q;
         let replicates = leave_one_out.len();
         let r = replicates as f64;
-        let f: Vec<f64> = leave_one_out
-            .iter()
-            .map(|z| self.terms(z, smoothing).f_q)
-            .collect();
+        let f: Vec<f64> = leave_one_out.iter().map(|z| self.terms(z, smoothing).f_q).collect();
         let mean = f.iter().sum::<f64>() / r;
         let spread = f.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>();
         let standard_error = ((r - 1.0) / r * spread).sqrt(); // [Efron82] eq. 3.1
@@ -114,19 +108,13 @@ impl Objective {
         adjoints: Option<(&mut [f64], &mut [Vec<f64>])>,
     ) -> Result<Evaluation, ObjectiveError> {
         let z_full = self.statistics(full, smoothing.ramp);
-        let z_one: Vec<Statistics> = leave_one_out
-            .iter()
-            .map(|l| self.statistics(l, smoothing.ramp))
-            .collect();
+        let z_one: Vec<Statistics> =
+            leave_one_out.iter().map(|l| self.statistics(l, smoothing.ramp)).collect();
         let z = corrected(&z_full, &z_one)?;
         let Some((out_full, out_one)) = adjoints else {
             return Ok(self.terms(&z, smoothing));
         };
-        assert_eq!(
-            out_one.len(),
-            leave_one_out.len(),
-            "one adjoint a replicate"
-        );
+        assert_eq!(out_one.len(), leave_one_out.len(), "one adjoint a replicate");
         let [weight_full, weight_one] = weights(leave_one_out.len())?;
         let (evaluation, dz) = self.terms_with_gradient(&z, smoothing);
         out_full.fill(0.0);

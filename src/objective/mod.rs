@@ -32,8 +32,8 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use thiserror::Error;
 
-pub use jackknife::JackknifeEstimate;
 pub use crate::math::display::LuminanceMode;
+pub use jackknife::JackknifeEstimate;
 pub use smoothing::{Ramp, Smoothing};
 pub use statistics::Statistics;
 pub use target::Target;
@@ -60,14 +60,8 @@ pub enum Term {
 
 impl Term {
     /// All six.
-    pub const ALL: [Self; 6] = [
-        Self::MeanObj,
-        Self::MeanBack,
-        Self::VarObj,
-        Self::VarBack,
-        Self::Grad,
-        Self::Hist,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::MeanObj, Self::MeanBack, Self::VarObj, Self::VarBack, Self::Grad, Self::Hist];
 
     /// Its name in files and tables, the paper's.
     #[must_use]
@@ -196,21 +190,12 @@ impl Objective {
     /// # Errors
     /// When the mask does not fit the size, or leaves the object or the background empty:
     /// their terms would have no value, whatever their weights.
-    pub fn new(
-        target: &Target,
-        width: usize,
-        height: usize,
-        mask: &[bool],
-    ) -> Result<Self, ObjectiveError> {
+    pub fn new(target: &Target, width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
         if width == 0 || height == 0 {
             return Err(ObjectiveError::EmptyPicture { width, height });
         }
         if width.checked_mul(height) != Some(mask.len()) {
-            return Err(ObjectiveError::MaskSize {
-                mask: mask.len(),
-                width,
-                height,
-            });
+            return Err(ObjectiveError::MaskSize { mask: mask.len(), width, height });
         }
         if !mask.contains(&true) {
             return Err(ObjectiveError::EmptyObject);
@@ -268,11 +253,7 @@ impl Objective {
     /// When `l` has another size than the objective.
     #[must_use]
     pub fn statistics(&self, l: &[f64], ramp: Ramp) -> Statistics {
-        assert_eq!(
-            l.len(),
-            self.n_pixels(),
-            "the picture must have the objective's size"
-        );
+        assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
         let means = mean::means(l, &self.regions);
         let [var_obj, var_back] = variance::variances(l, means, &self.regions);
         Statistics {
@@ -294,11 +275,7 @@ impl Objective {
 
     /// [`Objective::terms`] with `∂f_q/∂z` for every statistic.
     #[must_use]
-    pub fn terms_with_gradient(
-        &self,
-        z: &Statistics,
-        smoothing: &Smoothing,
-    ) -> (Evaluation, Statistics) {
+    pub fn terms_with_gradient(&self, z: &Statistics, smoothing: &Smoothing) -> (Evaluation, Statistics) {
         let (sigma_obj, d_sigma_obj) = smoothing.root(z.var_obj);
         let (sigma_back, d_sigma_back) = smoothing.root(z.var_back);
         let (g, d_g) = smoothing.root(z.grad2);
@@ -320,12 +297,7 @@ impl Objective {
         for (i, (&value, &t)) in values.iter().zip(&self.targets).enumerate() {
             let norm = t.max(1.0 - t);
             let (f, slope) = smoothing.absolute((value - t) / norm); // eqs. (2)-(5), (7)
-            terms[i] = TermValue {
-                value,
-                target: t,
-                f,
-                ..terms[i]
-            };
+            terms[i] = TermValue { value, target: t, f, ..terms[i] };
             slopes[i] = self.weights[i] * slope / norm * d_values[i];
         }
         let f_q = terms.iter().map(TermValue::contribution).sum(); // eq. (1)
@@ -361,16 +333,8 @@ impl Objective {
         ramp: Ramp,
         out: &mut [f64],
     ) {
-        assert_eq!(
-            l.len(),
-            self.n_pixels(),
-            "the picture must have the objective's size"
-        );
-        assert_eq!(
-            out.len(),
-            self.n_pixels(),
-            "the adjoint must have the objective's size"
-        );
+        assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
+        assert_eq!(out.len(), self.n_pixels(), "the adjoint must have the objective's size");
         let regions = &self.regions;
         mean::add_adjoint(regions, [weight * dz.mean_obj, weight * dz.mean_back], out);
         let means = [z.mean_obj, z.mean_back];

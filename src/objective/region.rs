@@ -13,12 +13,7 @@ impl Regions {
     /// `mask.len()` must be `width · height`.
     pub(super) fn new(width: usize, height: usize, mask: &[bool]) -> Self {
         let n_object = mask.iter().filter(|&&object| object).count();
-        Self {
-            width,
-            height,
-            mask: mask.to_vec(),
-            n_object,
-        }
+        Self { width, height, mask: mask.to_vec(), n_object }
     }
 
     pub(super) fn width(&self) -> usize {

@@ -107,18 +107,9 @@ impl Signature {
             "medium" => &[(1.0, 0.47, 0.23)],
             _ => return None,
         };
-        let betas = betas
-            .iter()
-            .map(|&(fraction, mean, sigma)| BetaComponent {
-                fraction,
-                mean,
-                sigma,
-            })
-            .collect();
-        Some(Self {
-            name: name.to_owned(),
-            shape: Shape::Betas(betas),
-        })
+        let betas =
+            betas.iter().map(|&(fraction, mean, sigma)| BetaComponent { fraction, mean, sigma }).collect();
+        Some(Self { name: name.to_owned(), shape: Shape::Betas(betas) })
     }
 
     /// A named signature of any shape, checked.
@@ -130,10 +121,7 @@ impl Signature {
             Shape::Betas(betas) => check_betas(betas)?,
             Shape::Cumulated(values) => check_cumulated(values)?,
         }
-        Ok(Self {
-            name: name.into(),
-            shape,
-        })
+        Ok(Self { name: name.into(), shape })
     }
 
     /// Its name, for people.
@@ -180,30 +168,19 @@ fn check_betas(betas: &[BetaComponent]) -> Result<(), SignatureError> {
         return Err(SignatureError::Empty);
     }
     for (i, &BetaComponent { mean, sigma, .. }) in betas.iter().enumerate() {
-        let possible =
-            mean > 0.0 && mean < 1.0 && sigma >= MIN_SIGMA && sigma * sigma < mean * (1.0 - mean);
+        let possible = mean > 0.0 && mean < 1.0 && sigma >= MIN_SIGMA && sigma * sigma < mean * (1.0 - mean);
         if !possible {
-            return Err(SignatureError::Moments {
-                index: i + 1,
-                mean,
-                sigma,
-            });
+            return Err(SignatureError::Moments { index: i + 1, mean, sigma });
         }
     }
     let sum: f64 = betas.iter().map(|b| b.fraction).sum();
     let shares = betas.iter().all(|b| b.fraction >= 0.0) && (sum - 1.0).abs() <= UNIT_SLACK;
-    if shares {
-        Ok(())
-    } else {
-        Err(SignatureError::Fractions { sum })
-    }
+    if shares { Ok(()) } else { Err(SignatureError::Fractions { sum }) }
 }
 
 fn check_cumulated(values: &[f64]) -> Result<(), SignatureError> {
     if values.len() != BINS {
-        return Err(SignatureError::Count {
-            count: values.len(),
-        });
+        return Err(SignatureError::Count { count: values.len() });
     }
     let mut before = 0.0;
     for (index, &value) in values.iter().enumerate() {
@@ -242,29 +219,17 @@ mod tests {
     fn medium_has_the_spread_it_is_given_by() {
         let p = Signature::builtin("medium").unwrap().cumulated();
         // E[l²] = ∫ 2l (1 − P) dl
-        let second = (0..BINS)
-            .map(|i| 2.0 * (i + 1) as f64 / BINS as f64 * (1.0 - p[i]))
-            .sum::<f64>()
-            / BINS as f64;
+        let second =
+            (0..BINS).map(|i| 2.0 * (i + 1) as f64 / BINS as f64 * (1.0 - p[i])).sum::<f64>() / BINS as f64;
         assert!(((second - 0.47 * 0.47).sqrt() - 0.23).abs() < 1e-4);
     }
 
     #[test]
     fn impossible_signatures_are_refused() {
-        let beta = |fraction, mean, sigma| BetaComponent {
-            fraction,
-            mean,
-            sigma,
-        };
+        let beta = |fraction, mean, sigma| BetaComponent { fraction, mean, sigma };
         let betas = |list: &[BetaComponent]| Signature::new("x", Shape::Betas(list.to_vec()));
         assert_eq!(betas(&[]), Err(SignatureError::Empty));
-        for (mean, sigma) in [
-            (0.0, 0.1),
-            (1.0, 0.1),
-            (0.5, 0.5),
-            (0.5, 0.0),
-            (f64::NAN, 0.1),
-        ] {
+        for (mean, sigma) in [(0.0, 0.1), (1.0, 0.1), (0.5, 0.5), (0.5, 0.0), (f64::NAN, 0.1)] {
             assert!(matches!(
                 betas(&[beta(1.0, mean, sigma)]),
                 Err(SignatureError::Moments { index: 1, .. })
@@ -279,20 +244,11 @@ mod tests {
             Err(SignatureError::Fractions { .. })
         ));
         let cumulated = |v: Vec<f64>| Signature::new("x", Shape::Cumulated(v));
-        assert_eq!(
-            cumulated(vec![1.0; 3]),
-            Err(SignatureError::Count { count: 3 })
-        );
+        assert_eq!(cumulated(vec![1.0; 3]), Err(SignatureError::Count { count: 3 }));
         let mut falling = vec![1.0; BINS];
         falling[7] = 0.5;
-        assert!(matches!(
-            cumulated(falling),
-            Err(SignatureError::NotCumulated { index: 7, .. })
-        ));
-        assert!(matches!(
-            cumulated(vec![0.5; BINS]),
-            Err(SignatureError::NotCumulated { index: 255, .. })
-        ));
+        assert!(matches!(cumulated(falling), Err(SignatureError::NotCumulated { index: 7, .. })));
+        assert!(matches!(cumulated(vec![0.5; BINS]), Err(SignatureError::NotCumulated { index: 255, .. })));
         assert!(cumulated(vec![1.0; BINS]).is_ok());
     }
 }

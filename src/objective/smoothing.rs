@@ -47,12 +47,7 @@ pub struct Smoothing {
 
 impl Smoothing {
     /// None: eqs. (1)–(8) to the letter.
-    pub const NONE: Self = Self {
-        delta: 0.0,
-        eta: 0.0,
-        pixels: 0.0,
-        ramp: Ramp::Linear,
-    };
+    pub const NONE: Self = Self { delta: 0.0, eta: 0.0, pixels: 0.0, ramp: Ramp::Linear };
 
     /// δ of the first start.
     pub const DELTA_FIRST: f64 = 0.05;
@@ -66,12 +61,7 @@ impl Smoothing {
     /// The optimiser's smoothing at `delta`.
     #[must_use]
     pub const fn with_delta(delta: f64) -> Self {
-        Self {
-            delta,
-            eta: Self::ETA,
-            pixels: 1.0,
-            ramp: Ramp::Smooth,
-        }
+        Self { delta, eta: Self::ETA, pixels: 1.0, ramp: Ramp::Smooth }
     }
 
     /// `h(r)` and `h'(r)`; with δ = 0, |r| with slope 0 at its kink.
@@ -83,11 +73,7 @@ impl Smoothing {
     /// `√(max(z,0)+η²) − η` and its derivative; with η = 0, slope 0 at z = 0.
     pub(super) fn root(&self, z: f64) -> (f64, f64) {
         let root = (z.max(0.0) + self.eta * self.eta).sqrt();
-        let slope = if z >= 0.0 && root > 0.0 {
-            0.5 / root
-        } else {
-            0.0
-        };
+        let slope = if z >= 0.0 && root > 0.0 { 0.5 / root } else { 0.0 };
         (root - self.eta, slope)
     }
 }
@@ -118,14 +104,8 @@ mod tests {
 
     #[test]
     fn the_smooth_ramp_has_no_corner() {
-        assert_eq!(
-            (Ramp::Smooth.value(0.0), Ramp::Smooth.value(1.0)),
-            (0.0, 1.0)
-        );
-        assert_eq!(
-            (Ramp::Smooth.derivative(0.0), Ramp::Smooth.derivative(1.0)),
-            (0.0, 0.0)
-        );
+        assert_eq!((Ramp::Smooth.value(0.0), Ramp::Smooth.value(1.0)), (0.0, 1.0));
+        assert_eq!((Ramp::Smooth.derivative(0.0), Ramp::Smooth.derivative(1.0)), (0.0, 0.0));
         assert_eq!(Ramp::Smooth.value(0.5), 0.5);
     }
 }

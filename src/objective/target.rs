@@ -26,8 +26,8 @@ use serde_json::Value;
 pub use error::{TargetError, TargetProblem, TargetProblemReason};
 
 use super::Term;
-use crate::files::nearest;
 use super::signature::Signature;
+use crate::files::nearest;
 use parse::{line_at, line_of_key};
 
 /// The only version of target files so far.
@@ -35,10 +35,7 @@ pub const SCHEMA: i64 = 1;
 
 /// Built-in targets as the text of their files.
 pub const BUILTIN: [(&str, &str); 2] = [
-    (
-        "high-key",
-        include_str!("../../scenes/targets/high-key.toml"),
-    ),
+    ("high-key", include_str!("../../scenes/targets/high-key.toml")),
     ("low-key", include_str!("../../scenes/targets/low-key.toml")),
 ];
 
@@ -50,17 +47,8 @@ const TARGET_KEYS: [&str; 5] = ["t_meanObj", "t_meanBack", "t_varObj", "t_varBac
 
 const WEIGHT_KEYS: [&str; 6] = ["meanObj", "meanBack", "varObj", "varBack", "grad", "hist"];
 
-const TOP_KEYS: [&str; 9] = [
-    "schema",
-    "name",
-    "signature",
-    "t_meanObj",
-    "t_meanBack",
-    "t_varObj",
-    "t_varBack",
-    "t_grad",
-    "weights",
-];
+const TOP_KEYS: [&str; 9] =
+    ["schema", "name", "signature", "t_meanObj", "t_meanBack", "t_varObj", "t_varBack", "t_grad", "weights"];
 
 /// Target values and weights of the terms with the signature of the histogram term.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,15 +72,10 @@ impl Target {
         let meant_as_path = path.components().count() > 1 || path.extension().is_some();
         if !meant_as_path && !path.exists() {
             let nearest = nearest(spec, BUILTIN.iter().map(|(name, _)| *name));
-            return Err(TargetError::Unknown {
-                name: spec.to_owned(),
-                nearest,
-            });
+            return Err(TargetError::Unknown { name: spec.to_owned(), nearest });
         }
-        let text = fs::read_to_string(path).map_err(|source| TargetError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text =
+            fs::read_to_string(path).map_err(|source| TargetError::Read { path: path.to_owned(), source })?;
         Self::from_toml(&text, path)
     }
 
@@ -157,8 +140,7 @@ impl Serialize for Target {
         for (key, t) in TARGET_KEYS.iter().zip(&self.targets) {
             map.serialize_entry(key, t)?;
         }
-        let weights: std::collections::BTreeMap<_, _> =
-            WEIGHT_KEYS.iter().zip(&self.weights).collect();
+        let weights: std::collections::BTreeMap<_, _> = WEIGHT_KEYS.iter().zip(&self.weights).collect();
         map.serialize_entry("weights", &weights)?;
         map.serialize_entry("signature", &self.signature)?;
         map.end()
@@ -211,14 +193,9 @@ mod tests {
         target.weights[2] = 1.0 / 3.0;
         assert_eq!(parse(&target.to_toml().unwrap()).unwrap(), target);
         let json = serde_json::to_string(&target).unwrap();
-        assert_eq!(
-            Target::from_value(&serde_json::from_str(&json).unwrap()).unwrap(),
-            target
-        );
+        assert_eq!(Target::from_value(&serde_json::from_str(&json).unwrap()).unwrap(), target);
 
-        let values = (1..=256)
-            .map(|i| (f64::from(i) / 256.0).powf(0.7))
-            .collect();
+        let values = (1..=256).map(|i| (f64::from(i) / 256.0).powf(0.7)).collect();
         target.signature = Signature::new("mine", Shape::Cumulated(values)).unwrap();
         assert_eq!(parse(&target.to_toml().unwrap()).unwrap(), target);
     }
@@ -236,69 +213,31 @@ mod tests {
     fn unknown_keys_are_refused_with_line_and_nearest_key() {
         let text = high_key().replace("t_varObj", "t_varobj");
         let message = message(&text);
-        let line = text
-            .lines()
-            .position(|l| l.starts_with("t_varobj"))
-            .unwrap()
-            + 1;
-        assert!(
-            message.starts_with(&format!("t.toml:{line}: `t_varobj`: unknown key")),
-            "{message}"
-        );
+        let line = text.lines().position(|l| l.starts_with("t_varobj")).unwrap() + 1;
+        assert!(message.starts_with(&format!("t.toml:{line}: `t_varobj`: unknown key")), "{message}");
         assert!(message.contains("did you mean `t_varObj`?"), "{message}");
 
         let text = high_key().replace("varBack = 0.4\n", "varback = 0.4\n");
         let message = self::message(&text);
         let line = text.lines().position(|l| l.starts_with("varback")).unwrap() + 1;
-        assert!(
-            message.starts_with(&format!("t.toml:{line}: `weights.varback`")),
-            "{message}"
-        );
+        assert!(message.starts_with(&format!("t.toml:{line}: `weights.varback`")), "{message}");
         assert!(message.contains("did you mean `varBack`?"), "{message}");
     }
 
     #[test]
     fn values_out_of_range_are_refused_with_key_and_range() {
         for (from, to, want) in [
-            (
-                "t_grad = 0.39",
-                "t_grad = 1.2",
-                "`t_grad`: must be a number from 0 to 1, got 1.2",
-            ),
-            (
-                "t_grad = 0.39",
-                "t_grad = nan",
-                "`t_grad`: must be a number from 0 to 1",
-            ),
-            (
-                "t_grad = 0.39",
-                "t_grad = \"x\"",
-                "`t_grad`: must be a number from 0 to 1",
-            ),
+            ("t_grad = 0.39", "t_grad = 1.2", "`t_grad`: must be a number from 0 to 1, got 1.2"),
+            ("t_grad = 0.39", "t_grad = nan", "`t_grad`: must be a number from 0 to 1"),
+            ("t_grad = 0.39", "t_grad = \"x\"", "`t_grad`: must be a number from 0 to 1"),
             ("t_grad = 0.39", "", "`t_grad`: is missing"),
-            (
-                "hist = 1.0",
-                "hist = -1",
-                "`weights.hist`: must be a number >= 0, got -1",
-            ),
+            ("hist = 1.0", "hist = -1", "`weights.hist`: must be a number >= 0, got -1"),
             ("schema = 1", "schema = 2", "`schema`: must be 1, got 2"),
             ("schema = 1", "", "`schema`: is missing"),
             ("\"high\"", "\"hihg\"", "did you mean `high`?"),
-            (
-                "\"high\"",
-                "{ betas = [] }",
-                "`signature.betas`: a mixture needs",
-            ),
-            (
-                "\"high\"",
-                "{ cumulated = [1.0] }",
-                "need 256 cumulated values, got 1",
-            ),
-            (
-                "\"high\"",
-                "{ }",
-                "must be a table with `betas` or `cumulated`, got neither",
-            ),
+            ("\"high\"", "{ betas = [] }", "`signature.betas`: a mixture needs"),
+            ("\"high\"", "{ cumulated = [1.0] }", "need 256 cumulated values, got 1"),
+            ("\"high\"", "{ }", "must be a table with `betas` or `cumulated`, got neither"),
             (
                 "\"high\"",
                 "{ betas = [{ fraction = 1, mean = 0.5, sgima = 0.1 }] }",

@@ -21,11 +21,7 @@ fn target_of(base: &str, term: Option<Term>) -> Target {
 /// and central differences are only first order.
 fn off_joints(l: f64) -> f64 {
     let u = l * 256.0 - 0.5;
-    if (u - u.round()).abs() < 0.01 && l > 0.0 && l < 1.0 {
-        l + 0.02 / 256.0
-    } else {
-        l
-    }
+    if (u - u.round()).abs() < 0.01 && l > 0.0 && l < 1.0 { l + 0.02 / 256.0 } else { l }
 }
 
 /// Random pictures of every awkward kind: plain, dark, with clipped pixels, black and
@@ -33,18 +29,13 @@ fn off_joints(l: f64) -> f64 {
 fn pictures() -> Vec<(&'static str, Vec<f64>)> {
     let mut rng = Rng::new(7);
     let mut draw = |f: fn(usize, f64) -> f64| -> Vec<f64> {
-        (0..W * H)
-            .map(|i| off_joints(f(i, rng.uniform())))
-            .collect()
+        (0..W * H).map(|i| off_joints(f(i, rng.uniform()))).collect()
     };
     vec![
         ("plain", draw(|_, l| l)),
         ("dark", draw(|_, l| 0.05 * l * l)),
         ("clipped", draw(|_, l| (2.0 * l - 0.5).clamp(0.0, 1.0))),
-        (
-            "binary",
-            draw(|i, l| if i % 2 == 0 { l.round() } else { l }),
-        ),
+        ("binary", draw(|i, l| if i % 2 == 0 { l.round() } else { l })),
     ]
 }
 
@@ -53,10 +44,7 @@ fn pictures() -> Vec<(&'static str, Vec<f64>)> {
 fn assert_adjoint(what: &str, l: &[f64], adjoint: &[f64], f: impl Fn(&[f64]) -> f64) {
     let h = 2e-6;
     let scale = adjoint.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-    assert!(
-        scale > 1e-6,
-        "{what}: the adjoint is zero, nothing would be tested"
-    );
+    assert!(scale > 1e-6, "{what}: the adjoint is zero, nothing would be tested");
     let mut shifted = l.to_vec();
     for (i, &a) in adjoint.iter().enumerate() {
         let mut at = |step: f64| {
@@ -66,10 +54,7 @@ fn assert_adjoint(what: &str, l: &[f64], adjoint: &[f64], f: impl Fn(&[f64]) -> 
             value
         };
         let fd = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
-        assert!(
-            (fd - a).abs() <= 1e-6 * scale,
-            "{what}, pixel {i}: {a} against {fd} of {scale}"
-        );
+        assert!((fd - a).abs() <= 1e-6 * scale, "{what}, pixel {i}: {a} against {fd} of {scale}");
     }
 }
 
@@ -84,9 +69,7 @@ fn adjoints_of_every_term_and_the_sum_agree_with_central_differences() {
                 let smoothing = Smoothing::with_delta(delta);
                 for (name, l) in pictures() {
                     let mut adjoint = vec![f64::NAN; l.len()];
-                    let value = objective
-                        .evaluate_smooth(&l, &smoothing, Some(&mut adjoint))
-                        .f_q;
+                    let value = objective.evaluate_smooth(&l, &smoothing, Some(&mut adjoint)).f_q;
                     let f = |l: &[f64]| objective.evaluate_smooth(l, &smoothing, None).f_q;
                     assert_eq!(value, f(&l));
                     let what = format!("{term:?} {base} {delta} {name}");
@@ -116,25 +99,16 @@ fn adjoints_of_the_jackknife_agree_with_central_differences() {
     let mut rng = Rng::new(11);
     let full: Vec<f64> = rng.image(W * H).into_iter().map(off_joints).collect();
     let ones: Vec<Vec<f64>> = (0..3)
-        .map(|_| {
-            full.iter()
-                .map(|l| off_joints((l + 0.1 * rng.normal()).clamp(0.0, 1.0)))
-                .collect()
-        })
+        .map(|_| full.iter().map(|l| off_joints((l + 0.1 * rng.normal()).clamp(0.0, 1.0))).collect())
         .collect();
     let value = |full: &[f64], ones: &[Vec<f64>]| {
         let ones: Vec<&[f64]> = ones.iter().map(Vec::as_slice).collect();
-        objective
-            .evaluate_jackknife_smooth(full, &ones, &smoothing, None)
-            .unwrap()
-            .f_q
+        objective.evaluate_jackknife_smooth(full, &ones, &smoothing, None).unwrap().f_q
     };
     let mut d_full = vec![0.0; W * H];
     let mut d_ones = vec![vec![0.0; W * H]; 3];
     let views: Vec<&[f64]> = ones.iter().map(Vec::as_slice).collect();
-    objective
-        .evaluate_jackknife_smooth(&full, &views, &smoothing, Some((&mut d_full, &mut d_ones)))
-        .unwrap();
+    objective.evaluate_jackknife_smooth(&full, &views, &smoothing, Some((&mut d_full, &mut d_ones))).unwrap();
     assert_adjoint("full", &full, &d_full, |l| value(l, &ones));
     for r in 0..3 {
         assert_adjoint("one left out", &ones[r], &d_ones[r], |l| {
@@ -154,10 +128,7 @@ fn a_two_by_two_picture_agrees_with_the_hand() {
     let e = Objective::new(&target, 2, 2, &mask).unwrap().evaluate(&l);
     let near = |term: Term, value: f64, f: f64| {
         let t = e.get(term);
-        assert!(
-            (t.value - value).abs() < 1e-14 && (t.f - f).abs() < 1e-14,
-            "{t:?}"
-        );
+        assert!((t.value - value).abs() < 1e-14 && (t.f - f).abs() < 1e-14, "{t:?}");
     };
     near(Term::MeanObj, 0.4, 0.07 / 0.53);
     near(Term::MeanBack, 0.7, 0.08 / 0.78);
@@ -184,23 +155,12 @@ fn without_rounding_at_the_kinks_the_gap_is_at_most_two_delta() {
         for (name, l) in pictures() {
             let exact = objective.evaluate(&l).f_q;
             for delta in [0.05, 5e-3, 5e-4] {
-                let only_h = Smoothing {
-                    delta,
-                    ..Smoothing::NONE
-                };
+                let only_h = Smoothing { delta, ..Smoothing::NONE };
                 let gap = exact - objective.evaluate_smooth(&l, &only_h, None).f_q;
                 // Residuals are well above δ here, so the gap nearly uses up its bound.
-                assert!(
-                    gap <= 2.0 * delta && gap > 0.5 * delta,
-                    "{base} {name} {delta}: {gap}"
-                );
+                assert!(gap <= 2.0 * delta && gap > 0.5 * delta, "{base} {name} {delta}: {gap}");
             }
-            let limit = Smoothing {
-                delta: 0.0,
-                eta: 0.0,
-                pixels: 1e-9,
-                ramp: Ramp::Linear,
-            };
+            let limit = Smoothing { delta: 0.0, eta: 0.0, pixels: 1e-9, ramp: Ramp::Linear };
             let gap = exact - objective.evaluate_smooth(&l, &limit, None).f_q;
             assert!(gap.abs() < 1e-4, "{base} {name}: {gap}");
         }
@@ -218,15 +178,10 @@ fn at_working_size_all_smoothing_together_stays_near_two_delta() {
         let objective = Objective::new(&target_of(base, None), w, h, &disk_mask(w, h)).unwrap();
         let exact = objective.evaluate(&l).f_q;
         for delta in [0.05, 5e-4] {
-            let smooth = objective
-                .evaluate_smooth(&l, &Smoothing::with_delta(delta), None)
-                .f_q;
+            let smooth = objective.evaluate_smooth(&l, &Smoothing::with_delta(delta), None).f_q;
             // 2δ of the moduli; η of three roots and one pixel's worth in the histogram.
             let allowed = 2.0 * delta + 1.4 * Smoothing::ETA + 2e-3;
-            assert!(
-                (exact - smooth).abs() < allowed,
-                "{base} {delta}: {exact} {smooth}"
-            );
+            assert!((exact - smooth).abs() < allowed, "{base} {delta}: {exact} {smooth}");
         }
     }
 }
@@ -300,16 +255,10 @@ fn no_spread_reaches_the_low_key_target() {
 fn sizes_and_masks_that_cannot_be_measured_are_refused() {
     let target = target_of("high-key", None);
     let new = |w, h, mask: &[bool]| Objective::new(&target, w, h, mask).unwrap_err();
-    assert!(matches!(
-        new(2, 2, &[true; 3]),
-        ObjectiveError::MaskSize { mask: 3, .. }
-    ));
+    assert!(matches!(new(2, 2, &[true; 3]), ObjectiveError::MaskSize { mask: 3, .. }));
     assert_eq!(new(2, 1, &[true; 2]), ObjectiveError::EmptyBackground);
     assert_eq!(new(2, 1, &[false; 2]), ObjectiveError::EmptyObject);
-    assert!(matches!(
-        new(0, 1, &[]),
-        ObjectiveError::EmptyPicture { .. }
-    ));
+    assert!(matches!(new(0, 1, &[]), ObjectiveError::EmptyPicture { .. }));
     let huge = new(usize::MAX, 2, &[true; 2]);
     assert!(matches!(huge, ObjectiveError::MaskSize { .. }));
 }
@@ -319,9 +268,7 @@ fn equal_replicates_give_the_plain_evaluation() {
     let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
     let l = &pictures()[0].1;
     let z = objective.statistics(l, Ramp::Linear);
-    let estimate = objective
-        .jackknife(&z, &vec![z.clone(); 4], &Smoothing::NONE)
-        .unwrap();
+    let estimate = objective.jackknife(&z, &vec![z.clone(); 4], &Smoothing::NONE).unwrap();
     assert!((estimate.evaluation.f_q - objective.evaluate(l).f_q).abs() < 1e-12);
     assert!(estimate.correction.abs() < 1e-12 && estimate.half_width < 1e-12);
     assert!(matches!(
@@ -334,14 +281,9 @@ fn equal_replicates_give_the_plain_evaluation() {
 fn the_error_bar_is_students_times_the_delete_one_error() {
     let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
     let mut rng = Rng::new(9);
-    let z: Vec<Statistics> = (0..4)
-        .map(|_| objective.statistics(&rng.image(W * H), Ramp::Linear))
-        .collect();
+    let z: Vec<Statistics> = (0..4).map(|_| objective.statistics(&rng.image(W * H), Ramp::Linear)).collect();
     let e = objective.jackknife(&z[0], &z, &Smoothing::NONE).unwrap();
-    let f: Vec<f64> = z
-        .iter()
-        .map(|z| objective.terms(z, &Smoothing::NONE).f_q)
-        .collect();
+    let f: Vec<f64> = z.iter().map(|z| objective.terms(z, &Smoothing::NONE).f_q).collect();
     let (_, se_of_mean) = mean_and_error(&f);
     // √((R−1)/R Σ(f−f̄)²) = (R−1) · s/√R
     assert!((e.standard_error - 3.0 * se_of_mean).abs() < 1e-14);
@@ -367,19 +309,12 @@ fn noisy_trials(
     };
     (0..trials)
         .map(|_| {
-            let replicates: Vec<Vec<f64>> = (0..R)
-                .map(|_| y.iter().map(|y| y * (1.0 + noise * rng.normal())).collect())
-                .collect();
+            let replicates: Vec<Vec<f64>> =
+                (0..R).map(|_| y.iter().map(|y| y * (1.0 + noise * rng.normal())).collect()).collect();
             let mean_without = |skip: usize| -> Vec<f64> {
                 let n = (0..R).filter(|&r| r != skip).count() as f64;
                 (0..y.len())
-                    .map(|i| {
-                        (0..R)
-                            .filter(|&r| r != skip)
-                            .map(|r| replicates[r][i])
-                            .sum::<f64>()
-                            / n
-                    })
+                    .map(|i| (0..R).filter(|&r| r != skip).map(|r| replicates[r][i]).sum::<f64>() / n)
                     .collect()
             };
             let full = statistics(&mean_without(R));
@@ -409,25 +344,16 @@ fn the_jackknife_removes_the_bias_of_spread_and_gradient() {
     let trials = noisy_trials(&objective, &y, LuminanceMode::Linear, 0.15, 300);
     for measure in [|z: &Statistics| z.var_obj, |z: &Statistics| z.grad2] {
         let errors = |pick: fn(&(Statistics, Statistics)) -> &Statistics| {
-            let e: Vec<f64> = trials
-                .iter()
-                .map(|t| measure(pick(t)) - measure(&truth))
-                .collect();
+            let e: Vec<f64> = trials.iter().map(|t| measure(pick(t)) - measure(&truth)).collect();
             let (mean, se) = mean_and_error(&e);
             mean / se
         };
         let naive = errors(|t| &t.0);
         let corrected = errors(|t| &t.1);
         assert!(naive > 10.0, "the naive estimate is biased: z = {naive}");
-        assert!(
-            corrected.abs() < Z_TWO,
-            "the jackknife is not: z = {corrected}"
-        );
+        assert!(corrected.abs() < Z_TWO, "the jackknife is not: z = {corrected}");
     }
-    let sigma: Vec<f64> = trials
-        .iter()
-        .map(|t| t.1.var_obj.sqrt() - truth.var_obj.sqrt())
-        .collect();
+    let sigma: Vec<f64> = trials.iter().map(|t| t.1.var_obj.sqrt() - truth.var_obj.sqrt()).collect();
     let (mean, se) = mean_and_error(&sigma);
     assert!((mean / se).abs() < Z_TWO, "σ itself: z = {}", mean / se);
 }
@@ -446,10 +372,7 @@ fn the_jackknife_lowers_the_bias_of_encoded_f_q() {
         let (naive, se) = mean_and_error(&trials.iter().map(|t| f(&t.0)).collect::<Vec<_>>());
         let (corrected, _) = mean_and_error(&trials.iter().map(|t| f(&t.1)).collect::<Vec<_>>());
         assert!((naive / se).abs() > 10.0, "{base}: {naive} ± {se}");
-        assert!(
-            corrected.abs() < 0.3 * naive.abs(),
-            "{base}: {naive} against {corrected}"
-        );
+        assert!(corrected.abs() < 0.3 * naive.abs(), "{base}: {naive} against {corrected}");
     }
 }
 

@@ -13,24 +13,12 @@ pub(super) fn variances(l: &[f64], means: [f64; 2], regions: &Regions) -> [f64; 
         object += if on_object { d * d } else { 0.0 };
         background += if on_object { 0.0 } else { d * d };
     }
-    [
-        object / regions.n_object(),
-        background / regions.n_background(),
-    ]
+    [object / regions.n_object(), background / regions.n_background()]
 }
 
 /// Adds `Σ_region adjoint · ∂σ²/∂l` to `out`; the mean's own dependence on `l` drops out.
-pub(super) fn add_adjoint(
-    l: &[f64],
-    means: [f64; 2],
-    regions: &Regions,
-    adjoint: [f64; 2],
-    out: &mut [f64],
-) {
-    let step = [
-        2.0 * adjoint[0] / regions.n_object(),
-        2.0 * adjoint[1] / regions.n_background(),
-    ];
+pub(super) fn add_adjoint(l: &[f64], means: [f64; 2], regions: &Regions, adjoint: [f64; 2], out: &mut [f64]) {
+    let step = [2.0 * adjoint[0] / regions.n_object(), 2.0 * adjoint[1] / regions.n_background()];
     for ((out, &l), &object) in out.iter_mut().zip(l).zip(regions.mask()) {
         let region = usize::from(!object);
         *out += step[region] * (l - means[region]);

@@ -1,7 +1,7 @@
 //! Forward differences of a noisy function on the unit cube.
 //!
 //! # References
-//! [More11] (the noise of a computed function), [More12] (the step).
+//! \[More11\] (the noise of a computed function), \[More12\] (the step).
 
 /// Least and largest step.
 const STEP_RANGE: [f64; 2] = [2e-3, 5e-2];
@@ -33,7 +33,7 @@ pub fn gradient<E>(
 /// points: the k-th differences of a smooth function vanish, those of noise
 /// grow as a binomial sum.
 ///
-/// [More11] eq. 3.2 and section 4: the first order from which three estimates
+/// \[More11\] eq. 3.2 and section 4: the first order from which three estimates
 /// agree within a factor of four and the differences change sign; else the
 /// least estimate.
 #[must_use]
@@ -60,7 +60,7 @@ pub fn noise(values: &[f64]) -> f64 {
 }
 
 /// The step at which truncation and noise of a forward difference balance for
-/// a function with |f''| about 1. [More12] eq. 2.4.
+/// a function with |f''| about 1. \[More12\] eq. 2.4.
 #[must_use]
 pub fn step(noise: f64) -> f64 {
     (8.0_f64.powf(0.25) * noise.sqrt()).clamp(STEP_RANGE[0], STEP_RANGE[1])
@@ -83,7 +83,9 @@ mod tests {
                     let values: Vec<f64> = (0..8)
                         .map(|i| {
                             let x = 0.3 + 1e-2 * f64::from(i);
-                            x.sin() + x * x + sigma * 12.0_f64.sqrt() * uniform(seed * 100 + u64::from(i as u32))
+                            x.sin()
+                                + x * x
+                                + sigma * 12.0_f64.sqrt() * uniform(seed * 100 + u64::from(i as u32))
                         })
                         .collect();
                     noise(&values).ln()

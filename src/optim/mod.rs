@@ -103,10 +103,7 @@ impl StopReason {
     /// Whether a condition for an optimum was met, not a limit or a failure.
     #[must_use]
     pub fn converged(self) -> bool {
-        matches!(
-            self,
-            Self::Target | Self::Stationary | Self::FTolerance | Self::XTolerance
-        )
+        matches!(self, Self::Target | Self::Stationary | Self::FTolerance | Self::XTolerance)
     }
 }
 
@@ -158,9 +155,7 @@ pub enum OptimError {
     },
 
     /// The search cannot start there.
-    #[error(
-        "variable {index}: the start must be finite and within [{lower}, {upper}], got {value}"
-    )]
+    #[error("variable {index}: the start must be finite and within [{lower}, {upper}], got {value}")]
     Start {
         /// Which variable.
         index: usize,

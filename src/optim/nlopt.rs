@@ -49,9 +49,8 @@ where
     });
     let mut x = x0.to_vec();
     let result = {
-        let objective = |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
-            search.borrow_mut().call(x, gradient)
-        };
+        let objective =
+            |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().call(x, gradient);
         let mut opt = Nlopt::new(Algorithm::Lbfgs, x0.len(), objective, Target::Minimize, ());
         let accepted = |result: nlopt::OptResult, what| match result {
             Ok(_) => Ok(()),
@@ -68,10 +67,7 @@ where
         accepted(opt.set_xtol_rel(options.x_tol_rel), "set x_tol_rel")?;
         // 0 would mean 10 MB of it. Evaluations and time are counted in `call`: NLopt looks
         // at its own limits only between line searches.
-        accepted(
-            opt.set_vector_storage(Some(options.memory as usize)),
-            "set the memory",
-        )?;
+        accepted(opt.set_vector_storage(Some(options.memory as usize)), "set the memory")?;
         opt.optimize(&mut x)
     };
 
@@ -96,12 +92,7 @@ where
         Err(_) if progress => StopReason::LineSearch,
         Err(_) => StopReason::NoProgress,
     });
-    Ok(Outcome {
-        x: best_x,
-        f: best_f,
-        evaluations: search.evaluations,
-        stop,
-    })
+    Ok(Outcome { x: best_x, f: best_f, evaluations: search.evaluations, stop })
 }
 
 /// Why no further evaluation is made.
@@ -153,17 +144,10 @@ where
 
     fn evaluate(&mut self, x: &[f64]) -> Result<f64, End> {
         let stop = |reason| Err(End::Stop(reason));
-        if self
-            .options
-            .max_evaluations
-            .is_some_and(|max| self.evaluations >= max)
-        {
+        if self.options.max_evaluations.is_some_and(|max| self.evaluations >= max) {
             return stop(StopReason::Evaluations);
         }
-        let late = self
-            .options
-            .time_limit
-            .is_some_and(|limit| self.start.elapsed() >= limit);
+        let late = self.options.time_limit.is_some_and(|limit| self.start.elapsed() >= limit);
         if late && self.evaluations > 0 {
             return stop(StopReason::TimeLimit);
         }
@@ -208,28 +192,15 @@ fn validate(x0: &[f64], lower: &[f64], upper: &[f64], options: &Options) -> Resu
     }
     for (what, slice) in [("lower bounds", lower), ("upper bounds", upper)] {
         if slice.len() != x0.len() {
-            return Err(OptimError::Length {
-                what,
-                expected: x0.len(),
-                got: slice.len(),
-            });
+            return Err(OptimError::Length { what, expected: x0.len(), got: slice.len() });
         }
     }
     for (index, ((&value, &lower), &upper)) in x0.iter().zip(lower).zip(upper).enumerate() {
         if lower.is_nan() || upper.is_nan() || lower > upper {
-            return Err(OptimError::Bounds {
-                index,
-                lower,
-                upper,
-            });
+            return Err(OptimError::Bounds { index, lower, upper });
         }
         if !value.is_finite() || value < lower || value > upper {
-            return Err(OptimError::Start {
-                index,
-                value,
-                lower,
-                upper,
-            });
+            return Err(OptimError::Start { index, value, lower, upper });
         }
     }
     for (name, got) in [
@@ -239,31 +210,16 @@ fn validate(x0: &[f64], lower: &[f64], upper: &[f64], options: &Options) -> Resu
         ("x_tol_rel", options.x_tol_rel),
     ] {
         if !(got.is_finite() && got >= 0.0) {
-            return Err(OptimError::Option {
-                name,
-                allowed: "a finite number >= 0",
-                got,
-            });
+            return Err(OptimError::Option { name, allowed: "a finite number >= 0", got });
         }
     }
-    for (name, got) in [
-        ("memory", Some(options.memory)),
-        ("max_evaluations", options.max_evaluations),
-    ] {
+    for (name, got) in [("memory", Some(options.memory)), ("max_evaluations", options.max_evaluations)] {
         if got == Some(0) {
-            return Err(OptimError::Option {
-                name,
-                allowed: "at least 1",
-                got: 0.0,
-            });
+            return Err(OptimError::Option { name, allowed: "at least 1", got: 0.0 });
         }
     }
     if let Some(got) = options.target.filter(|target| target.is_nan()) {
-        return Err(OptimError::Option {
-            name: "target",
-            allowed: "a number",
-            got,
-        });
+        return Err(OptimError::Option { name: "target", allowed: "a number", got });
     }
     Ok(())
 }
@@ -276,12 +232,7 @@ mod tests {
     const FREE: [f64; 2] = [f64::INFINITY; 2];
 
     fn tight() -> Options {
-        Options {
-            f_tol_abs: 0.0,
-            x_tol_abs: 0.0,
-            max_evaluations: Some(2000),
-            ..Options::default()
-        }
+        Options { f_tol_abs: 0.0, x_tol_abs: 0.0, max_evaluations: Some(2000), ..Options::default() }
     }
 
     fn rosenbrock(x: &[f64], g: &mut [f64]) -> ControlFlow<Interrupt, f64> {
@@ -294,14 +245,8 @@ mod tests {
     #[test]
     fn rosenbrock_is_solved_within_bounds_that_do_not_bind() {
         let out = minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &tight(), rosenbrock).unwrap();
-        assert!(
-            (out.x[0] - 1.0).abs() < 1e-6 && (out.x[1] - 1.0).abs() < 1e-6,
-            "{out:?}"
-        );
-        assert!(
-            out.stop.converged() || out.stop == StopReason::LineSearch,
-            "{out:?}"
-        );
+        assert!((out.x[0] - 1.0).abs() < 1e-6 && (out.x[1] - 1.0).abs() < 1e-6, "{out:?}");
+        assert!(out.stop.converged() || out.stop == StopReason::LineSearch, "{out:?}");
     }
 
     #[test]
@@ -323,22 +268,16 @@ mod tests {
     fn quadratics_are_solved_from_any_start_on_the_bounds() {
         let mut state = 1_u64;
         let mut uniform = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1_u64 << 53) as f64
         };
         for _ in 0..500 {
             let n = 1 + (6.0 * uniform()) as usize;
             let centre: Vec<f64> = (0..n).map(|_| 3.0 * uniform() - 1.0).collect();
             let scale: Vec<f64> = (0..n).map(|_| 0.1 + uniform()).collect();
-            let upper: Vec<f64> = (0..n)
-                .map(|_| if uniform() < 0.2 { 0.0 } else { 1.0 })
-                .collect();
-            let x0: Vec<f64> = upper
-                .iter()
-                .map(|&up| up * [0.0, 1.0, uniform()][(3.0 * uniform()) as usize])
-                .collect();
+            let upper: Vec<f64> = (0..n).map(|_| if uniform() < 0.2 { 0.0 } else { 1.0 }).collect();
+            let x0: Vec<f64> =
+                upper.iter().map(|&up| up * [0.0, 1.0, uniform()][(3.0 * uniform()) as usize]).collect();
             let out = minimize(&x0, &vec![0.0; n], &upper, &tight(), |x, g| {
                 let mut f = 0.0;
                 for i in 0..n {
@@ -350,10 +289,7 @@ mod tests {
             })
             .unwrap();
             for i in 0..n {
-                assert!(
-                    (out.x[i] - centre[i].clamp(0.0, upper[i])).abs() < 1e-6,
-                    "{x0:?} {out:?}"
-                );
+                assert!((out.x[i] - centre[i].clamp(0.0, upper[i])).abs() < 1e-6, "{x0:?} {out:?}");
             }
         }
     }
@@ -392,10 +328,7 @@ mod tests {
                 rosenbrock(x, g)
             })
         }));
-        assert_eq!(
-            *caught.unwrap_err().downcast_ref::<&str>().unwrap(),
-            "the fifth"
-        );
+        assert_eq!(*caught.unwrap_err().downcast_ref::<&str>().unwrap(), "the fifth");
         assert_eq!(calls, 5);
     }
 
@@ -415,44 +348,30 @@ mod tests {
                 value
             })
             .unwrap();
-            assert_eq!(
-                (out.stop, out.f, calls),
-                (StopReason::Interrupted, least, last + 1)
-            );
+            assert_eq!((out.stop, out.f, calls), (StopReason::Interrupted, least, last + 1));
             assert_eq!(out.evaluations, last);
         }
-        let nothing = minimize(&[0.0], &[0.0], &[1.0], &tight(), |_, _| {
-            ControlFlow::Break(Interrupt)
-        });
+        let nothing = minimize(&[0.0], &[0.0], &[1.0], &tight(), |_, _| ControlFlow::Break(Interrupt));
         assert_eq!(nothing, Err(OptimError::NothingEvaluated));
     }
 
     #[test]
     fn the_budget_is_never_exceeded() {
         for budget in 1..20 {
-            let options = Options {
-                max_evaluations: Some(budget),
-                ..tight()
-            };
+            let options = Options { max_evaluations: Some(budget), ..tight() };
             let mut calls = 0;
             let out = minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &options, |x, g| {
                 calls += 1;
                 rosenbrock(x, g)
             })
             .unwrap();
-            assert_eq!(
-                (out.stop, out.evaluations, calls),
-                (StopReason::Evaluations, budget, budget)
-            );
+            assert_eq!((out.stop, out.evaluations, calls), (StopReason::Evaluations, budget, budget));
         }
     }
 
     #[test]
     fn the_time_limit_leaves_one_evaluation() {
-        let options = Options {
-            time_limit: Some(Duration::ZERO),
-            ..tight()
-        };
+        let options = Options { time_limit: Some(Duration::ZERO), ..tight() };
         let out = minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &options, rosenbrock).unwrap();
         assert_eq!((out.stop, out.evaluations), (StopReason::TimeLimit, 1));
         assert_eq!(out.x, [-1.2, 1.0]);
@@ -460,10 +379,7 @@ mod tests {
 
     #[test]
     fn the_target_stops_at_the_first_point_that_reaches_it() {
-        let options = Options {
-            target: Some(0.1),
-            ..tight()
-        };
+        let options = Options { target: Some(0.1), ..tight() };
         let mut values = Vec::new();
         let out = minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &options, |x, g| {
             let value = rosenbrock(x, g);
@@ -472,32 +388,14 @@ mod tests {
         })
         .unwrap();
         assert_eq!(out.stop, StopReason::Target);
-        assert!(
-            values.iter().filter(|f| **f <= 0.1).eq([&out.f]),
-            "{values:?}"
-        );
+        assert!(values.iter().filter(|f| **f <= 0.1).eq([&out.f]), "{values:?}");
     }
 
     #[test]
     fn tolerances_stop_early() {
-        let run =
-            |options| minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &options, rosenbrock).unwrap();
-        assert_eq!(
-            run(Options {
-                f_tol_abs: 0.1,
-                ..tight()
-            })
-            .stop,
-            StopReason::FTolerance
-        );
-        assert_eq!(
-            run(Options {
-                x_tol_abs: 0.1,
-                ..tight()
-            })
-            .stop,
-            StopReason::XTolerance
-        );
+        let run = |options| minimize(&[-1.2, 1.0], &[-2.0; 2], &[2.0; 2], &options, rosenbrock).unwrap();
+        assert_eq!(run(Options { f_tol_abs: 0.1, ..tight() }).stop, StopReason::FTolerance);
+        assert_eq!(run(Options { x_tol_abs: 0.1, ..tight() }).stop, StopReason::XTolerance);
     }
 
     #[test]
@@ -519,67 +417,32 @@ mod tests {
                 })
                 .unwrap_err();
                 let message = error.to_string();
-                assert!(
-                    message.starts_with(&format!("evaluation {call}: the ")),
-                    "{message}"
-                );
-                assert_eq!(
-                    message.contains("variable 1"),
-                    component.is_some(),
-                    "{message}"
-                );
+                assert!(message.starts_with(&format!("evaluation {call}: the ")), "{message}");
+                assert_eq!(message.contains("variable 1"), component.is_some(), "{message}");
                 assert_eq!(calls, call);
             }
         }
-        let forgotten = minimize(&[0.5], &[0.0], &[1.0], &tight(), |x, _| {
-            ControlFlow::Continue(x[0])
-        });
-        assert!(matches!(
-            forgotten,
-            Err(OptimError::NotFinite {
-                component: Some(0),
-                ..
-            })
-        ));
+        let forgotten = minimize(&[0.5], &[0.0], &[1.0], &tight(), |x, _| ControlFlow::Continue(x[0]));
+        assert!(matches!(forgotten, Err(OptimError::NotFinite { component: Some(0), .. })));
     }
 
     #[test]
     fn ill_posed_problems_are_errors() {
         let run = |x0: &[f64], lower: &[f64], upper: &[f64], options: &Options| {
-            minimize(x0, lower, upper, options, |_, _| unreachable!())
-                .unwrap_err()
-                .to_string()
+            minimize(x0, lower, upper, options, |_, _| unreachable!()).unwrap_err().to_string()
         };
         let ok = Options::default();
-        assert_eq!(
-            run(&[], &[], &[], &ok),
-            "there are no variables to optimise"
-        );
-        assert_eq!(
-            run(&[0.0], &[0.0; 2], &[1.0], &ok),
-            "lower bounds: 2 values for 1 variables"
-        );
-        assert_eq!(
-            run(&[0.0], &[0.0], &[], &ok),
-            "upper bounds: 0 values for 1 variables"
-        );
+        assert_eq!(run(&[], &[], &[], &ok), "there are no variables to optimise");
+        assert_eq!(run(&[0.0], &[0.0; 2], &[1.0], &ok), "lower bounds: 2 values for 1 variables");
+        assert_eq!(run(&[0.0], &[0.0], &[], &ok), "upper bounds: 0 values for 1 variables");
         assert!(run(&[0.0], &[1.0], &[0.0], &ok).starts_with("variable 0: bounds must"));
         assert!(run(&[0.0], &[f64::NAN], &[0.0], &ok).starts_with("variable 0: bounds must"));
         for x in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
             assert!(run(&[x], &[0.0], &[1.0], &ok).starts_with("variable 0: the start must"));
         }
-        let zero_memory = Options {
-            memory: 0,
-            ..Options::default()
-        };
-        assert_eq!(
-            run(&[0.0], &[0.0], &[1.0], &zero_memory),
-            "option memory: must be at least 1, got 0"
-        );
-        let negative = Options {
-            f_tol_rel: -1.0,
-            ..Options::default()
-        };
+        let zero_memory = Options { memory: 0, ..Options::default() };
+        assert_eq!(run(&[0.0], &[0.0], &[1.0], &zero_memory), "option memory: must be at least 1, got 0");
+        let negative = Options { f_tol_rel: -1.0, ..Options::default() };
         assert!(run(&[0.0], &[0.0], &[1.0], &negative).starts_with("option f_tol_rel: must be"));
     }
 
@@ -590,9 +453,6 @@ mod tests {
             ControlFlow::Continue(x[0] + x[1])
         })
         .unwrap();
-        assert_eq!(
-            (out.x, out.evaluations, out.stop),
-            (vec![0.5, 0.1], 1, StopReason::Stationary)
-        );
+        assert_eq!((out.x, out.evaluations, out.stop), (vec![0.5, 0.1], 1, StopReason::Stationary));
     }
 }

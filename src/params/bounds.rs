@@ -170,13 +170,10 @@ fn segment_size(p: &Planar, a: Vec2, b: Vec2) -> f32 {
             at.push(-(scaled.y + scaled.x) / (slope.x + slope.y));
         }
     }
-    at.iter()
-        .filter(|t| (0.0..=1.0).contains(*t))
-        .map(|&t| p.rho(a + d * t))
-        .fold(f32::INFINITY, f32::min)
+    at.iter().filter(|t| (0.0..=1.0).contains(*t)).map(|&t| p.rho(a + d * t)).fold(f32::INFINITY, f32::min)
 }
 
-/// Distance of a point from a triangle. [Ericson04] 5.1.5.
+/// Distance of a point from a triangle. \[Ericson04\] 5.1.5.
 fn point_triangle_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
@@ -253,8 +250,14 @@ mod tests {
             sampler.start(UVec2::ZERO, i);
             let t = [random(&mut sampler), random(&mut sampler), random(&mut sampler)];
             let normal = random(&mut sampler).normalize();
-            let outline = if i % 2 == 0 { Outline::Disk { r: 0.7 } } else { Outline::Rectangle { a: 0.5, b: 0.2 } };
-            let p = Planar { center: random(&mut sampler) * 0.5, frame: look_frame(normal, Vec3::Y), outline, cone: None };
+            let outline =
+                if i % 2 == 0 { Outline::Disk { r: 0.7 } } else { Outline::Rectangle { a: 0.5, b: 0.2 } };
+            let p = Planar {
+                center: random(&mut sampler) * 0.5,
+                frame: look_frame(normal, Vec3::Y),
+                outline,
+                cone: None,
+            };
             let exact = planar_size(&p, t);
             // Points of the triangle near the plane.
             let dense = points(t, 200)
@@ -276,7 +279,11 @@ mod tests {
     #[test]
     fn a_sphere_grows_to_the_nearest_triangle() {
         let mesh = Mesh {
-            positions: vec![Vec3::new(-9.0, -1.0, -9.0), Vec3::new(9.0, -1.0, -9.0), Vec3::new(0.0, -1.0, 9.0)],
+            positions: vec![
+                Vec3::new(-9.0, -1.0, -9.0),
+                Vec3::new(9.0, -1.0, -9.0),
+                Vec3::new(0.0, -1.0, 9.0),
+            ],
             indices: vec![[0, 1, 2]],
             ..Mesh::default()
         };

@@ -55,7 +55,10 @@ pub enum SurveyError {
 ///
 /// # Errors
 /// When there are no lights, or one touches a surface at any size.
-pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<Option<[f32; 2]>>, Vec<String>), SurveyError> {
+pub fn fit_sizes(
+    scene: &mut Scene,
+    film: UVec2,
+) -> Result<(Vec<Option<[f32; 2]>>, Vec<String>), SurveyError> {
     if scene.lights.is_empty() {
         return Err(SurveyError::NoLights);
     }
@@ -75,7 +78,9 @@ pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<Option<[f32; 2]>
             None => [lo, hi],
             Some([a, b]) if b <= hi => [a, b],
             Some([a, b]) => {
-                notes.push(format!("light `{name}`: size {b} cuts geometry or covers the main object; at most {hi:.3}"));
+                notes.push(format!(
+                    "light `{name}`: size {b} cuts geometry or covers the main object; at most {hi:.3}"
+                ));
                 [a.min(hi), hi]
             }
         };
@@ -114,9 +119,8 @@ fn gain_for(
     mode: LuminanceMode,
 ) -> f64 {
     let total: f64 = y.clone().map(&weight).sum();
-    let display = |gain: f64| {
-        y.clone().map(|y| weight(y) * mode.encode(y * gain, exposure)).sum::<f64>() / total
-    };
+    let display =
+        |gain: f64| y.clone().map(|y| weight(y) * mode.encode(y * gain, exposure)).sum::<f64>() / total;
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
     for _ in 0..80 {
         let mid = 0.5 * (lo + hi);
@@ -233,8 +237,11 @@ pub fn starts(
     let mut out = vec![("all lights alike".to_owned(), variables.start())];
     let n = images.len();
     let alone = (0..n).map(|l| (format!("`{}` alone", scene.lights[l].name), vec![l]));
-    for (name, lit) in std::iter::once(("all lights alike, matched".to_owned(), (0..n).collect())).chain(alone) {
-        let total: Vec<f64> = (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();
+    for (name, lit) in
+        std::iter::once(("all lights alike, matched".to_owned(), (0..n).collect())).chain(alone)
+    {
+        let total: Vec<f64> =
+            (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();
         let of = |main: bool| total.iter().zip(mask).filter(move |(_, m)| **m == main).map(|(y, _)| *y);
         let gain = gain_for(of(true), |_| 1.0, t_object, e, mode);
         // The background's luminance is about proportional to its value.

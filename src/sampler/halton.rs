@@ -29,7 +29,7 @@ static PRIMES: [u32; 128] = first_primes();
 
 /// Value `index` of dimension `dimension` under scramble `seed`, in [0, 1).
 ///
-/// [PBRT4] 8.6.4 (Owen-scrambled radical inverse): each digit is permuted at
+/// \[PBRT4\] 8.6.4 (Owen-scrambled radical inverse): each digit is permuted at
 /// random by a hash of the digits before it.
 pub fn sample(index: u32, dimension: u32, seed: u64) -> f32 {
     let base = PRIMES[dimension as usize % PRIMES.len()];
@@ -49,7 +49,7 @@ pub fn sample(index: u32, dimension: u32, seed: u64) -> f32 {
 
 /// Element `i` of a random permutation of `0..n` selected by `p`.
 ///
-/// [Kensler13] listing 2: cycle-walking over a hash that is a bijection of
+/// \[Kensler13\] listing 2: cycle-walking over a hash that is a bijection of
 /// the next power of two.
 fn permute(mut i: u32, n: u32, p: u32) -> u32 {
     let w = n.next_power_of_two() - 1;

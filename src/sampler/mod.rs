@@ -7,7 +7,7 @@
 //! shifts the dimensions of another.
 //!
 //! # References
-//! [Burley20] (hash-based Owen scrambling); [PBRT4] 8.6 (Halton).
+//! \[Burley20\] (hash-based Owen scrambling); \[PBRT4\] 8.6 (Halton).
 
 mod halton;
 
@@ -17,7 +17,9 @@ use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 use crate::math::hash::hash_words;
 
 /// The families of sequences.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol, the default.
@@ -158,8 +160,8 @@ mod tests {
             for i in 0..256 {
                 s.start(UVec2::new(5, 6), i);
                 let u = s.next_2d();
-                let cell = ((u.x * (1 << log_x) as f32) as usize) << log_y
-                    | (u.y * (1 << log_y) as f32) as usize;
+                let cell =
+                    ((u.x * (1 << log_x) as f32) as usize) << log_y | (u.y * (1 << log_y) as f32) as usize;
                 seen[cell] += 1;
             }
             assert!(seen.iter().all(|&n| n == 1), "2^{log_x} x 2^{log_y}");

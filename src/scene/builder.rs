@@ -8,8 +8,9 @@ use std::{
 use glam::{UVec2, Vec3};
 
 use super::{
-    Scene, obj,
+    Scene,
     material::{Material, MaterialParams},
+    obj,
     sidecar::{LightSpec, LightType, MaterialSpec, Selection, Sidecar},
 };
 use crate::{
@@ -143,14 +144,17 @@ impl Builder<'_> {
             }
         }
         let lights: Vec<Light> = sidecar.lights.iter().map(|l| self.light(l)).collect::<Result<_, _>>()?;
-        let light_bounds = sidecar.lights.iter().map(|l| self.light_bounds(sidecar, l)).collect::<Result<_, _>>()?;
+        let light_bounds =
+            sidecar.lights.iter().map(|l| self.light_bounds(sidecar, l)).collect::<Result<_, _>>()?;
         let camera = self.camera(sidecar)?;
         if let Some([lo, hi]) = sidecar.background.value_range {
             if !(lo >= 0.0 && lo <= hi && hi.is_finite()) {
-                return Err(self.error("background.value_range", format!("must be 0 <= min <= max, got [{lo}, {hi}]")));
+                return Err(self
+                    .error("background.value_range", format!("must be 0 <= min <= max, got [{lo}, {hi}]")));
             }
         }
-        let name = self.obj_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
+        let name =
+            self.obj_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
         let scene = Scene::new(&name, mesh, materials, lights, camera)
             .map_err(|source| SceneError::Embree { path: self.obj_path.to_path_buf(), source })?;
         Ok(Scene {
@@ -195,7 +199,12 @@ impl Builder<'_> {
         Ok(params)
     }
 
-    fn unknown_name<'n>(&self, key: &str, name: &str, known: impl Iterator<Item = &'n str> + Clone) -> SceneError {
+    fn unknown_name<'n>(
+        &self,
+        key: &str,
+        name: &str,
+        known: impl Iterator<Item = &'n str> + Clone,
+    ) -> SceneError {
         let message = match nearest(name, known.clone()) {
             Some(near) => format!("no `{name}` in {}; did you mean `{near}`?", self.obj_path.display()),
             None => format!("no `{name}`: {} names none", self.obj_path.display()),
@@ -214,7 +223,8 @@ impl Builder<'_> {
             Some(start) => n.starts_with(start),
             None => n == pattern,
         };
-        let found: Vec<usize> = names.clone().enumerate().filter(|(_, n)| is_match(n)).map(|(i, _)| i).collect();
+        let found: Vec<usize> =
+            names.clone().enumerate().filter(|(_, n)| is_match(n)).map(|(i, _)| i).collect();
         if found.is_empty() { Err(self.unknown_name(key, pattern, names)) } else { Ok(found) }
     }
 
@@ -233,7 +243,9 @@ impl Builder<'_> {
             }
         }
         for pattern in &selection.materials {
-            for i in self.matches("main_object.materials", pattern, materials.iter().map(|m| m.name.as_str()))? {
+            for i in
+                self.matches("main_object.materials", pattern, materials.iter().map(|m| m.name.as_str()))?
+            {
                 main_material[i] = true;
             }
         }
@@ -260,7 +272,11 @@ impl Builder<'_> {
         match &sidecar.background.materials {
             Some(patterns) => {
                 for pattern in patterns {
-                    for i in self.matches("background.materials", pattern, materials.iter().map(|m| m.name.as_str()))? {
+                    for i in self.matches(
+                        "background.materials",
+                        pattern,
+                        materials.iter().map(|m| m.name.as_str()),
+                    )? {
                         selected[i] = true;
                     }
                 }
@@ -341,7 +357,12 @@ impl Builder<'_> {
             LightType::Rectangle => {
                 let [a, b] = l.half_extents.ok_or_else(|| missing("half_extents", "rectangle"))?;
                 self.positive(&key("half_extents"), a.min(b))?;
-                Shape::Planar(Planar { center, frame: frame("rectangle")?, outline: Outline::Rectangle { a, b }, cone: None })
+                Shape::Planar(Planar {
+                    center,
+                    frame: frame("rectangle")?,
+                    outline: Outline::Rectangle { a, b },
+                    cone: None,
+                })
             }
             LightType::Disk => {
                 let outline = Outline::Disk { r: radius("disk")? };
@@ -365,7 +386,9 @@ impl Builder<'_> {
         let color = Rgb::from_array(l.color);
         let y = luminance(color);
         if !(color.min_element() >= 0.0 && y > 0.0 && color.is_finite()) {
-            return Err(self.error(key("color"), format!("channels must be >= 0 and not all 0, got {:?}", l.color)));
+            return Err(
+                self.error(key("color"), format!("channels must be >= 0 and not all 0, got {:?}", l.color))
+            );
         }
         let size = self.positive(&key("size"), l.size)?;
         if !(l.radiance >= 0.0 && l.radiance.is_finite()) {

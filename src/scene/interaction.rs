@@ -80,7 +80,7 @@ impl SurfaceInteraction<'_> {
 /// Moves `p` off its surface along `n` by a distance that scales with the
 /// rounding error of `p`.
 ///
-/// [Wachter19] listing 6-1: 256 units in the last place of each coordinate,
+/// \[Wachter19\] listing 6-1: 256 units in the last place of each coordinate,
 /// or an absolute distance near the origin, where these vanish.
 #[must_use]
 pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {

@@ -39,7 +39,7 @@ pub fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
 /// the faces that meet at the same position, across edges that bend by less
 /// than `crease` radians.
 ///
-/// [Thurmer98] (angle weights). Returns three normals a triangle.
+/// \[Thurmer98\] (angle weights). Returns three normals a triangle.
 #[must_use]
 pub fn smooth_normals(positions: &[Vec3], indices: &[[u32; 3]], crease: f32) -> Vec<[Vec3; 3]> {
     let corners = |t: &[u32; 3]| t.map(|i| positions[i as usize]);

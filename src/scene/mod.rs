@@ -143,7 +143,13 @@ impl Scene {
     }
 
     /// Calls `f` for every light that the ray crosses before `t_max`.
-    pub fn for_each_crossing(&self, org: Vec3, dir: Vec3, t_max: f32, mut f: impl FnMut(LightId, &Light, &Crossing)) {
+    pub fn for_each_crossing(
+        &self,
+        org: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        mut f: impl FnMut(LightId, &Light, &Crossing),
+    ) {
         for (i, light) in self.lights.iter().enumerate() {
             if let Some(c) = light.crossing(org, dir, t_max) {
                 f(i as LightId, light, &c);

@@ -56,8 +56,13 @@ pub struct ObjScene {
 /// # Errors
 /// When the OBJ or a texture cannot be read, or no triangle is left.
 pub fn load(path: &Path, crease: f32) -> Result<ObjScene, SceneError> {
-    let options =
-        tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+    let options = tobj::LoadOptions {
+        single_index: true,
+        triangulate: true,
+        ignore_points: true,
+        ignore_lines: true,
+        ..Default::default()
+    };
     let (models, materials) = tobj::load_obj(path, &options)
         .map_err(|source| SceneError::Obj { path: path.to_path_buf(), source })?;
     let mut warnings = Vec::new();
@@ -145,7 +150,8 @@ fn material_params(
     textures: &mut HashMap<PathBuf, Arc<Texture>>,
     warnings: &mut Vec<String>,
 ) -> Result<MaterialParams, SceneError> {
-    let number = |key: &str| m.unknown_param.get(key).and_then(|v| v.split_whitespace().next()?.parse::<f32>().ok());
+    let number =
+        |key: &str| m.unknown_param.get(key).and_then(|v| v.split_whitespace().next()?.parse::<f32>().ok());
     let clamp = |key: &str, c: [f32; 3], warnings: &mut Vec<String>| {
         let c = Rgb::from_array(c);
         let clamped = c.clamp(Rgb::ZERO, Rgb::ONE);

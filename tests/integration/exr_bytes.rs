@@ -11,9 +11,8 @@ const DESTINATION: &str = "LIGHTOPT_TEST_EXR_DESTINATION";
 
 fn write_picture(path: &Path) {
     let (width, height) = (40, 30);
-    let rgb: Vec<[f32; 3]> = (0..width * height)
-        .map(|i| [i as f32, (i as f32).sin(), 1.0 / (1.0 + i as f32)])
-        .collect();
+    let rgb: Vec<[f32; 3]> =
+        (0..width * height).map(|i| [i as f32, (i as f32).sin(), 1.0 / (1.0 + i as f32)]).collect();
     let image = ExrImage {
         width,
         height,
@@ -37,10 +36,7 @@ fn separate_processes_write_the_same_bytes() {
     let written_elsewhere = |name: &str| {
         let path = directory.path().join(name);
         let status = Command::new(std::env::current_exe().unwrap())
-            .args([
-                "--exact",
-                "exr_bytes::separate_processes_write_the_same_bytes",
-            ])
+            .args(["--exact", "exr_bytes::separate_processes_write_the_same_bytes"])
             .env(DESTINATION, &path)
             .output()
             .unwrap();

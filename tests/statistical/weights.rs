@@ -6,7 +6,10 @@ use glam::UVec2;
 use lightopt_embree::{
     film::Contribution,
     integrator::{Heuristic, Integrator, IntegratorKind, Strategy, bdpt},
-    math::{luminance, stats::{Moments, sidak_z}},
+    math::{
+        luminance,
+        stats::{Moments, sidak_z},
+    },
     sampler::{Sampler, SamplerKind},
     scene::Scene,
 };
@@ -35,9 +38,12 @@ fn fast_weights_equal_the_reference_on_random_paths() {
             let mut strategies = BTreeMap::new();
             for i in 0..24 * 24 {
                 sampler.start(UVec2::new(i % 24, i / 24), 3);
-                for (c, reference) in
-                    bdpt::verify::compare_weights(&integrator, &scene, &mut sampler, UVec2::new(i % 24, i / 24))
-                {
+                for (c, reference) in bdpt::verify::compare_weights(
+                    &integrator,
+                    &scene,
+                    &mut sampler,
+                    UVec2::new(i % 24, i / 24),
+                ) {
                     n += 1;
                     *strategies.entry(c.strategy).or_insert(0) += 1;
                     let error = (f64::from(c.mis_weight) - reference).abs();
@@ -52,7 +58,11 @@ fn fast_weights_equal_the_reference_on_random_paths() {
                     );
                 }
             }
-            println!("{}: {n} weights of {} strategies, worst error {worst:.1e}", scene.name, strategies.len());
+            println!(
+                "{}: {n} weights of {} strategies, worst error {worst:.1e}",
+                scene.name,
+                strategies.len()
+            );
             assert!(n > 3_000);
         }
     }
@@ -86,7 +96,15 @@ fn every_strategy_has_the_same_mean_per_path_length() {
                     let mut recorder = |_: Option<glam::Vec2>, c: &Contribution| {
                         *sums.entry(c.strategy).or_default() += unweighted(c, &scene);
                     };
-                    bdpt::sample(&integrator, &scene, &mut sampler, pixel, true, &mut workspace, &mut recorder);
+                    bdpt::sample(
+                        &integrator,
+                        &scene,
+                        &mut sampler,
+                        pixel,
+                        true,
+                        &mut workspace,
+                        &mut recorder,
+                    );
                 }
             }
         }
@@ -108,7 +126,11 @@ fn every_strategy_has_the_same_mean_per_path_length() {
         for (s, m) in of_length {
             // The strategy is part of the mean: their covariance is 1/total.
             let z = (m.mean() - mean) / (m.variance_of_mean() - 1.0 / total).max(1e-30).sqrt();
-            println!("length {n_edges} {s:?}: {:.6} ± {:.6}, z {z:.2}", m.mean(), m.variance_of_mean().sqrt());
+            println!(
+                "length {n_edges} {s:?}: {:.6} ± {:.6}, z {z:.2}",
+                m.mean(),
+                m.variance_of_mean().sqrt()
+            );
             assert!(m.mean() > 0.0, "{s:?} found nothing");
             assert!(z.abs() < threshold, "{s:?}: {} against {mean}", m.mean());
         }

@@ -36,10 +36,20 @@ pub struct Measured {
 }
 
 /// `n` independent renders of `spp` samples.
-pub fn measure(scene: &Scene, integrator: &Integrator, sampler: SamplerKind, seed: u64, n: u32, spp: u32) -> Measured {
+pub fn measure(
+    scene: &Scene,
+    integrator: &Integrator,
+    sampler: SamplerKind,
+    seed: u64,
+    n: u32,
+    spp: u32,
+) -> Measured {
     let size = scene.camera.size();
-    let mut out =
-        Measured { size, pixels: vec![[Moments::default(); 3]; size.element_product() as usize], total: Moments::default() };
+    let mut out = Measured {
+        size,
+        pixels: vec![[Moments::default(); 3]; size.element_product() as usize],
+        total: Moments::default(),
+    };
     for i in 0..n {
         let sampling = Sampling { sampler, seed: seed * 1_000_003 + u64::from(i), first: 0, count: spp };
         let picture = render(scene, integrator, sampling);
@@ -68,7 +78,8 @@ pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
         let sd = p.iter().map(|m| m.variance_of_mean().sqrt()).sum::<f64>() / 3.0;
         (mean, sd * sd)
     };
-    let mut variances: Vec<f64> = a.pixels.iter().zip(&b.pixels).map(|(p, q)| gray(p).1 + gray(q).1).collect();
+    let mut variances: Vec<f64> =
+        a.pixels.iter().zip(&b.pixels).map(|(p, q)| gray(p).1 + gray(q).1).collect();
     variances.sort_by(f64::total_cmp);
     let floor = variances[n / 2];
     let z: Vec<f64> = a
@@ -97,11 +108,21 @@ pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
         let map = |f: &dyn Fn(usize) -> [f32; 3]| -> image::Rgb32FImage {
             image::Rgb32FImage::from_fn(a.size.x, a.size.y, |x, y| image::Rgb(f((y * a.size.x + x) as usize)))
         };
-        let mean = |m: &Measured, i: usize| std::array::from_fn(|c| (m.pixels[i][c].mean() as f32).powf(1.0 / 2.2));
+        let mean =
+            |m: &Measured, i: usize| std::array::from_fn(|c| (m.pixels[i][c].mean() as f32).powf(1.0 / 2.2));
         for (suffix, picture) in [
             ("a", map(&|i| mean(a, i))),
             ("b", map(&|i| mean(b, i))),
-            ("z", map(&|i| [(z[i] / 10.0).max(0.0) as f32, (z[i].abs() - threshold).max(0.0) as f32, (-z[i] / 10.0).max(0.0) as f32])),
+            (
+                "z",
+                map(&|i| {
+                    [
+                        (z[i] / 10.0).max(0.0) as f32,
+                        (z[i].abs() - threshold).max(0.0) as f32,
+                        (-z[i] / 10.0).max(0.0) as f32,
+                    ]
+                }),
+            ),
         ] {
             let path = dir.join(format!("{name}-{suffix}.png"));
             image::DynamicImage::ImageRgb32F(picture).into_rgb8().save(&path).unwrap();

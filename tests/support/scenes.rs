@@ -76,7 +76,11 @@ impl Shapes {
                     }
                     let flat = flat.normalize();
                     let v = t.map(|d| {
-                        self.vertex(center + d * radius, if smooth { d.normalize() } else { flat }, Vec2::ZERO)
+                        self.vertex(
+                            center + d * radius,
+                            if smooth { d.normalize() } else { flat },
+                            Vec2::ZERO,
+                        )
                     });
                     self.triangle(v, material);
                 }

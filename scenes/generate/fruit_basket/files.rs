@@ -24,38 +24,17 @@ pub fn obj(objects: &[Object]) -> (String, usize) {
     for object in objects {
         let mesh = &object.mesh;
         let _ = writeln!(text, "o {}", object.name);
-        let rounded: Vec<DVec3> = mesh
-            .positions
-            .iter()
-            .map(|p| (*p * GRID).round() / GRID)
-            .collect();
+        let rounded: Vec<DVec3> = mesh.positions.iter().map(|p| (*p * GRID).round() / GRID).collect();
         for p in &rounded {
-            let _ = writeln!(
-                text,
-                "v {} {} {}",
-                number(p.x, 5),
-                number(p.y, 5),
-                number(p.z, 5)
-            );
+            let _ = writeln!(text, "v {} {} {}", number(p.x, 5), number(p.y, 5), number(p.z, 5));
         }
         for n in &mesh.normals {
-            let _ = writeln!(
-                text,
-                "vn {} {} {}",
-                number(n.x, 3),
-                number(n.y, 3),
-                number(n.z, 3)
-            );
+            let _ = writeln!(text, "vn {} {} {}", number(n.x, 3), number(n.y, 3), number(n.z, 3));
         }
         let materials: BTreeSet<Material> = mesh.materials.iter().copied().collect();
         for material in materials {
             let _ = writeln!(text, "usemtl {material}");
-            for (t, _) in mesh
-                .triangles
-                .iter()
-                .zip(&mesh.materials)
-                .filter(|(_, m)| **m == material)
-            {
+            for (t, _) in mesh.triangles.iter().zip(&mesh.materials).filter(|(_, m)| **m == material) {
                 let [a, b, c] = t.map(|i| rounded[i]);
                 if 0.5 * (b - a).cross(c - a).length() < SMALLEST_AREA {
                     continue;
@@ -74,9 +53,7 @@ pub fn obj(objects: &[Object]) -> (String, usize) {
 fn number(x: f64, places: usize) -> String {
     let text = format!("{x:.places$}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
-    let (sign, size) = text
-        .strip_prefix('-')
-        .map_or(("", text), |size| ("-", size));
+    let (sign, size) = text.strip_prefix('-').map_or(("", text), |size| ("-", size));
     match size.strip_prefix('0') {
         Some("") => "0".into(),
         Some(fraction) => format!("{sign}{fraction}"),
@@ -151,10 +128,7 @@ pub fn mtl() -> String {
 
 /// The sidecar; the main object is all of `objects` that is not `table` or `backdrop`.
 pub fn sidecar(objects: &[Object]) -> String {
-    let main = objects
-        .iter()
-        .map(|o| o.name.as_str())
-        .filter(|n| !matches!(*n, "table" | "backdrop"));
+    let main = objects.iter().map(|o| o.name.as_str()).filter(|n| !matches!(*n, "table" | "backdrop"));
     let mut names = String::new();
     let mut line = String::from("   ");
     for name in main {

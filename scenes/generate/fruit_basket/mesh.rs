@@ -33,16 +33,9 @@ impl Mesh {
     /// Smooth closed surface over rings of equally many points each.
     pub fn skin(rings: &[Vec<DVec3>], ends: Ends, material: Material) -> Self {
         let (rows, columns) = (rings.len(), rings[0].len());
-        let mut mesh = Self {
-            positions: rings.concat(),
-            ..Self::default()
-        };
+        let mut mesh = Self { positions: rings.concat(), ..Self::default() };
         let at = |i: usize, j: usize| (i % rows) * columns + j % columns;
-        let strips = if matches!(ends, Ends::Joined) {
-            rows
-        } else {
-            rows - 1
-        };
+        let strips = if matches!(ends, Ends::Joined) { rows } else { rows - 1 };
         for i in 0..strips {
             for j in 0..columns {
                 mesh.quad([at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
@@ -53,8 +46,7 @@ impl Mesh {
             mesh.positions.extend([first, last]);
             for j in 0..columns {
                 mesh.triangles.push([pole, at(0, j + 1), at(0, j)]);
-                mesh.triangles
-                    .push([pole + 1, at(rows - 1, j), at(rows - 1, j + 1)]);
+                mesh.triangles.push([pole + 1, at(rows - 1, j), at(rows - 1, j + 1)]);
             }
         }
         mesh.finish(material)
@@ -99,20 +91,11 @@ impl Mesh {
             let r = section(i, 0.0).0.abs().min(section(i, TAU / 4.0).1.abs());
             tangent(i) * r * 0.35
         };
-        Self::skin(
-            &rings,
-            Ends::Points(path[0] - tip(0), path[n - 1] + tip(n - 1)),
-            material,
-        )
+        Self::skin(&rings, Ends::Points(path[0] - tip(0), path[n - 1] + tip(n - 1)), material)
     }
 
     /// Round tube of constant or varying radius; see [`Mesh::sweep`].
-    pub fn tube(
-        path: &[DVec3],
-        around: usize,
-        radius: impl Fn(usize) -> f64,
-        material: Material,
-    ) -> Self {
+    pub fn tube(path: &[DVec3], around: usize, radius: impl Fn(usize) -> f64, material: Material) -> Self {
         let along = (path[path.len() - 1] - path[0]).normalize_or(DVec3::Y);
         let side = along.any_orthonormal_vector();
         Self::sweep(
@@ -140,20 +123,14 @@ impl Mesh {
                     *known.entry(lattice).or_insert_with(|| {
                         // Equal angles instead of equal lengths: cells of nearly the same size.
                         let even = |c: i32| (f64::from(c) / f64::from(n) * TAU / 8.0).tan();
-                        let d = DVec3::new(even(lattice[0]), even(lattice[1]), even(lattice[2]))
-                            .normalize();
+                        let d = DVec3::new(even(lattice[0]), even(lattice[1]), even(lattice[2])).normalize();
                         mesh.positions.push(d * radius(d));
                         mesh.positions.len() - 1
                     })
                 };
                 let mut quads = Vec::new();
                 for (u, v) in (0..n).flat_map(|u| (0..n).map(move |v| (u, v))) {
-                    quads.push([
-                        corner(u, v),
-                        corner(u + 1, v),
-                        corner(u + 1, v + 1),
-                        corner(u, v + 1),
-                    ]);
+                    quads.push([corner(u, v), corner(u + 1, v), corner(u + 1, v + 1), corner(u, v + 1)]);
                 }
                 quads.into_iter().for_each(|q| mesh.quad(q));
             }
@@ -163,18 +140,10 @@ impl Mesh {
 
     /// Rectangular patch, its normals its own (so that it meets other patches in a crease).
     /// It faces the side from which `(i, j)` run counter-clockwise.
-    pub fn patch(
-        n: usize,
-        m: usize,
-        f: impl Fn(usize, usize) -> DVec3,
-        material: Material,
-    ) -> Self {
+    pub fn patch(n: usize, m: usize, f: impl Fn(usize, usize) -> DVec3, material: Material) -> Self {
         let grid = (0..=n).flat_map(|i| (0..=m).map(move |j| (i, j)));
         let positions = grid.map(|(i, j)| f(i, j)).collect();
-        let mut mesh = Self {
-            positions,
-            ..Self::default()
-        };
+        let mut mesh = Self { positions, ..Self::default() };
         let at = |i: usize, j: usize| i * (m + 1) + j;
         for (i, j) in (0..n).flat_map(|i| (0..m).map(move |j| (i, j))) {
             mesh.quad([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]);
@@ -207,11 +176,7 @@ impl Mesh {
     fn finish(mut self, material: Material) -> Self {
         self.materials = vec![material; self.triangles.len()];
         let p = &self.positions;
-        let volume: f64 = self
-            .triangles
-            .iter()
-            .map(|&[a, b, c]| p[a].dot(p[b].cross(p[c])))
-            .sum();
+        let volume: f64 = self.triangles.iter().map(|&[a, b, c]| p[a].dot(p[b].cross(p[c]))).sum();
         if volume < 0.0 {
             self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
@@ -229,10 +194,7 @@ impl Mesh {
                 normals[t[k]] += face * (q - p).angle_between(r - p);
             }
         }
-        self.normals = normals
-            .into_iter()
-            .map(|n| n.normalize_or(DVec3::Y))
-            .collect();
+        self.normals = normals.into_iter().map(|n| n.normalize_or(DVec3::Y)).collect();
     }
 
     /// Gives every triangle the material that `f` finds for its centroid.
@@ -244,9 +206,7 @@ impl Mesh {
 
     /// Moves the mesh rigidly: rotation about the origin, then translation.
     pub fn placed(mut self, rotation: DQuat, position: DVec3) -> Self {
-        self.positions
-            .iter_mut()
-            .for_each(|p| *p = rotation * *p + position);
+        self.positions.iter_mut().for_each(|p| *p = rotation * *p + position);
         self.normals.iter_mut().for_each(|n| *n = rotation * *n);
         self
     }
@@ -256,8 +216,7 @@ impl Mesh {
         let first = self.positions.len();
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
-        self.triangles
-            .extend(other.triangles.iter().map(|t| t.map(|i| i + first)));
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + first)));
         self.materials.extend(other.materials);
     }
 }

@@ -19,18 +19,14 @@ pub struct Object {
 
 /// Turns the stem from +y toward `stem` after a turn of `spin` about it.
 fn tilted(stem: [f64; 3], spin: f64) -> DQuat {
-    DQuat::from_rotation_arc(DVec3::Y, DVec3::from_array(stem).normalize())
-        * DQuat::from_rotation_y(spin)
+    DQuat::from_rotation_arc(DVec3::Y, DVec3::from_array(stem).normalize()) * DQuat::from_rotation_y(spin)
 }
 
 /// The basket's wall, rim and base as an obstacle.
 fn basket_distance(p: DVec3) -> (f64, DVec3) {
     let axial = p.x.hypot(p.z);
     let outward = DVec3::new(p.x, 0.0, p.z) / axial.max(1e-9);
-    let mut profile = vec![
-        (0.0, wicker::FLOOR - wicker::WALL),
-        (0.105, wicker::FLOOR - wicker::WALL),
-    ];
+    let mut profile = vec![(0.0, wicker::FLOOR - wicker::WALL), (0.105, wicker::FLOOR - wicker::WALL)];
     profile.extend(wicker::wall_profile());
     let mut best = (f64::INFINITY, DVec3::Y);
     let mut consider = |x: f64, y: f64, thickness: f64| {
@@ -46,11 +42,7 @@ fn basket_distance(p: DVec3) -> (f64, DVec3) {
         let t = (((axial - x0) * ex + (p.y - y0) * ey) / (ex * ex + ey * ey)).clamp(0.0, 1.0);
         consider(x0 + ex * t, y0 + ey * t, wicker::WALL);
     }
-    consider(
-        wicker::RIM_RADIUS,
-        wicker::RIM_HEIGHT,
-        wicker::RIM_THICKNESS,
-    );
+    consider(wicker::RIM_RADIUS, wicker::RIM_HEIGHT, wicker::RIM_THICKNESS);
     best
 }
 
@@ -72,10 +64,7 @@ enum Kind {
 impl Kind {
     fn build(self, hidden: bool, rng: &mut Rng) -> (&'static str, Fruit) {
         match self {
-            Self::Apple(r, skin) => (
-                "apple",
-                fruit::apple(r, if hidden { 16 } else { 30 }, &skin, rng),
-            ),
+            Self::Apple(r, skin) => ("apple", fruit::apple(r, if hidden { 16 } else { 30 }, &skin, rng)),
             Self::Pear(size, skin) => ("pear", fruit::pear(size, &skin, rng)),
             Self::Orange(r, n, skin) => ("orange", fruit::orange(r, n, skin, rng)),
             Self::Bananas(count) => ("bananas", fruit::bananas(count, rng)),
@@ -85,136 +74,31 @@ impl Kind {
 
 /// The lowest layer, of which little is seen.
 const BOTTOM: &[Placement] = &[
-    (
-        Kind::Orange(0.037, 10, "orange_1"),
-        [0.000, 0.095, 0.000],
-        [0.0, 1.0, 0.0],
-        0.0,
-    ),
-    (
-        Kind::Apple(0.038, GREEN),
-        [0.086, 0.095, 0.000],
-        [0.5, 1.0, 0.2],
-        0.4,
-    ),
-    (
-        Kind::Orange(0.038, 10, "orange_2"),
-        [0.043, 0.095, 0.075],
-        [0.1, 1.0, 0.5],
-        1.0,
-    ),
-    (
-        Kind::Apple(0.039, RED),
-        [-0.043, 0.095, 0.075],
-        [-0.3, 1.0, 0.4],
-        2.0,
-    ),
-    (
-        Kind::Orange(0.038, 10, "orange_1"),
-        [-0.086, 0.095, 0.000],
-        [-0.4, 1.0, 0.2],
-        3.0,
-    ),
-    (
-        Kind::Apple(0.038, CRIMSON),
-        [-0.043, 0.095, -0.075],
-        [-0.2, 1.0, -0.3],
-        4.0,
-    ),
-    (
-        Kind::Apple(0.038, GALA),
-        [0.043, 0.095, -0.075],
-        [0.2, 1.0, -0.3],
-        5.0,
-    ),
+    (Kind::Orange(0.037, 10, "orange_1"), [0.000, 0.095, 0.000], [0.0, 1.0, 0.0], 0.0),
+    (Kind::Apple(0.038, GREEN), [0.086, 0.095, 0.000], [0.5, 1.0, 0.2], 0.4),
+    (Kind::Orange(0.038, 10, "orange_2"), [0.043, 0.095, 0.075], [0.1, 1.0, 0.5], 1.0),
+    (Kind::Apple(0.039, RED), [-0.043, 0.095, 0.075], [-0.3, 1.0, 0.4], 2.0),
+    (Kind::Orange(0.038, 10, "orange_1"), [-0.086, 0.095, 0.000], [-0.4, 1.0, 0.2], 3.0),
+    (Kind::Apple(0.038, CRIMSON), [-0.043, 0.095, -0.075], [-0.2, 1.0, -0.3], 4.0),
+    (Kind::Apple(0.038, GALA), [0.043, 0.095, -0.075], [0.2, 1.0, -0.3], 5.0),
 ];
 
 /// What shows above the rim, and what lies beside the basket.
 const TOP: &[Placement] = &[
-    (
-        Kind::Apple(0.0415, RED),
-        [0.016, 0.172, 0.090],
-        [0.15, 0.85, 0.55],
-        0.3,
-    ),
-    (
-        Kind::Orange(0.0395, 28, "orange_1"),
-        [0.088, 0.165, 0.062],
-        [0.50, 0.75, 0.55],
-        1.2,
-    ),
-    (
-        Kind::Apple(0.0380, GREEN),
-        [-0.074, 0.165, 0.074],
-        [-0.35, 0.85, 0.45],
-        2.2,
-    ),
-    (
-        Kind::Pear(0.100, RIPE),
-        [-0.112, 0.168, -0.010],
-        [-0.50, 0.85, 0.15],
-        0.5,
-    ),
-    (
-        Kind::Apple(0.0375, CRIMSON),
-        [-0.055, 0.168, -0.085],
-        [-0.3, 0.9, 0.1],
-        1.5,
-    ),
-    (
-        Kind::Orange(0.0370, 18, "orange_2"),
-        [0.030, 0.168, -0.095],
-        [0.1, 0.9, 0.3],
-        2.5,
-    ),
-    (
-        Kind::Apple(0.0385, GALA),
-        [0.112, 0.165, -0.025],
-        [0.45, 0.85, 0.2],
-        3.1,
-    ),
-    (
-        Kind::Orange(0.0375, 18, "orange_2"),
-        [0.000, 0.175, 0.012],
-        [0.2, 0.9, 0.5],
-        2.9,
-    ),
-    (
-        Kind::Pear(0.098, PEAR),
-        [-0.040, 0.240, 0.020],
-        [-0.22, 0.95, 0.20],
-        4.1,
-    ),
-    (
-        Kind::Apple(0.0380, RED),
-        [-0.030, 0.235, -0.060],
-        [-0.1, 0.9, 0.35],
-        2.4,
-    ),
-    (
-        Kind::Bananas(4),
-        [0.055, 0.300, -0.030],
-        [-0.10, 1.0, 0.42],
-        0.35,
-    ),
-    (
-        Kind::Apple(0.0390, GALA),
-        [-0.172, 0.045, 0.135],
-        [-0.25, 0.85, 0.50],
-        0.9,
-    ),
-    (
-        Kind::Orange(0.0390, 28, "orange_2"),
-        [0.142, 0.045, 0.165],
-        [0.35, 0.70, 0.60],
-        0.2,
-    ),
-    (
-        Kind::Pear(0.096, PEAR),
-        [0.205, 0.040, 0.085],
-        [0.90, 0.05, -0.35],
-        2.0,
-    ),
+    (Kind::Apple(0.0415, RED), [0.016, 0.172, 0.090], [0.15, 0.85, 0.55], 0.3),
+    (Kind::Orange(0.0395, 28, "orange_1"), [0.088, 0.165, 0.062], [0.50, 0.75, 0.55], 1.2),
+    (Kind::Apple(0.0380, GREEN), [-0.074, 0.165, 0.074], [-0.35, 0.85, 0.45], 2.2),
+    (Kind::Pear(0.100, RIPE), [-0.112, 0.168, -0.010], [-0.50, 0.85, 0.15], 0.5),
+    (Kind::Apple(0.0375, CRIMSON), [-0.055, 0.168, -0.085], [-0.3, 0.9, 0.1], 1.5),
+    (Kind::Orange(0.0370, 18, "orange_2"), [0.030, 0.168, -0.095], [0.1, 0.9, 0.3], 2.5),
+    (Kind::Apple(0.0385, GALA), [0.112, 0.165, -0.025], [0.45, 0.85, 0.2], 3.1),
+    (Kind::Orange(0.0375, 18, "orange_2"), [0.000, 0.175, 0.012], [0.2, 0.9, 0.5], 2.9),
+    (Kind::Pear(0.098, PEAR), [-0.040, 0.240, 0.020], [-0.22, 0.95, 0.20], 4.1),
+    (Kind::Apple(0.0380, RED), [-0.030, 0.235, -0.060], [-0.1, 0.9, 0.35], 2.4),
+    (Kind::Bananas(4), [0.055, 0.300, -0.030], [-0.10, 1.0, 0.42], 0.35),
+    (Kind::Apple(0.0390, GALA), [-0.172, 0.045, 0.135], [-0.25, 0.85, 0.50], 0.9),
+    (Kind::Orange(0.0390, 28, "orange_2"), [0.142, 0.045, 0.165], [0.35, 0.70, 0.60], 0.2),
+    (Kind::Pear(0.096, PEAR), [0.205, 0.040, 0.085], [0.90, 0.05, -0.35], 2.0),
 ];
 
 /// Nodes of the grapes' stalk, from its pinned end on the pile over the rim and down.
@@ -232,16 +116,11 @@ const GRAPE_SKINS: [Material; 3] = ["grape_1", "grape_2", "grape_3"];
 
 /// Piles everything and returns the fruit in world space, the basket first.
 pub fn pile(rng: &mut Rng) -> Vec<Object> {
-    let mut objects = vec![Object {
-        name: "basket".into(),
-        mesh: wicker::basket(rng),
-    }];
+    let mut objects = vec![Object { name: "basket".into(), mesh: wicker::basket(rng) }];
     let mut bodies = Vec::new();
     let mut meshes = Vec::new();
-    for (hidden, &(kind, at, stem, spin)) in BOTTOM
-        .iter()
-        .map(|p| (true, p))
-        .chain(TOP.iter().map(|p| (false, p)))
+    for (hidden, &(kind, at, stem, spin)) in
+        BOTTOM.iter().map(|p| (true, p)).chain(TOP.iter().map(|p| (false, p)))
     {
         let (name, fruit) = kind.build(hidden, rng);
         meshes.push((name, fruit.mesh));
@@ -262,10 +141,7 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
     let mut drop = 0.0;
     let free = |drop: f64| {
         let p = DVec3::from_array(STALK[0]) - DVec3::Y * drop;
-        p.y > wicker::RIM_HEIGHT
-            && !bodies
-                .iter()
-                .any(|b| b.shape.touches(b.position, b.rotation, p, 0.017))
+        p.y > wicker::RIM_HEIGHT && !bodies.iter().any(|b| b.shape.touches(b.position, b.rotation, p, 0.017))
     };
     while free(drop) {
         drop += 0.0005;
@@ -274,18 +150,10 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
         let shape = Shape::Balls(vec![(DVec3::ZERO, 0.0035)]);
         let mobility = if i == 0 { 0.0 } else { 4.0 };
         let position = DVec3::from_array(at) - DVec3::Y * drop;
-        bodies.push(Body {
-            position,
-            rotation: DQuat::IDENTITY,
-            shape,
-            mobility,
-        });
+        bodies.push(Body { position, rotation: DQuat::IDENTITY, shape, mobility });
         if i > 0 {
             let length = DVec3::from_array(at).distance(DVec3::from_array(STALK[i - 1]));
-            links.push(Link {
-                ends: [fruits + i - 1, fruits + i],
-                length,
-            });
+            links.push(Link { ends: [fruits + i - 1, fruits + i], length });
         }
     }
     let first_grape = bodies.len();
@@ -294,10 +162,7 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
         for _ in 0..count {
             let r = rng.range(0.0086, 0.0106);
             let offset = rng.direction() * rng.range(0.012, 0.032) + DVec3::Y * (0.014 - drop);
-            links.push(Link {
-                ends: [fruits + node, bodies.len()],
-                length: r + rng.range(0.006, 0.021),
-            });
+            links.push(Link { ends: [fruits + node, bodies.len()], length: r + rng.range(0.006, 0.021) });
             let position = DVec3::from_array(STALK[node]) + offset;
             bodies.push(Body {
                 position,
@@ -308,48 +173,28 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
             radii.push(r);
         }
     }
-    settle(
-        &mut bodies,
-        &links,
-        &[&basket_distance, &table_distance],
-        300,
-    );
+    settle(&mut bodies, &links, &[&basket_distance, &table_distance], 300);
 
     let mut counts = std::collections::BTreeMap::new();
     for (body, (kind, mesh)) in bodies.iter().zip(meshes) {
         let n = counts.entry(kind).and_modify(|n| *n += 1).or_insert(1);
-        let name = if kind == "bananas" {
-            kind.into()
-        } else {
-            format!("{kind}_{n}")
-        };
-        objects.push(Object {
-            name,
-            mesh: mesh.placed(body.rotation, body.position),
-        });
+        let name = if kind == "bananas" { kind.into() } else { format!("{kind}_{n}") };
+        objects.push(Object { name, mesh: mesh.placed(body.rotation, body.position) });
     }
-    let stalk: Vec<DVec3> = bodies[fruits..first_grape]
-        .iter()
-        .map(|b| b.position)
-        .collect();
+    let stalk: Vec<DVec3> = bodies[fruits..first_grape].iter().map(|b| b.position).collect();
     let mut cluster = stalk_mesh(&stalk);
     for (i, (body, &r)) in bodies[first_grape..].iter().zip(&radii).enumerate() {
         let anchor = links[STALK.len() - 1 + i].ends[0];
         let toward = (bodies[anchor].position - body.position).normalize_or(DVec3::Y);
         let turn = DQuat::from_rotation_arc(DVec3::Y, toward);
-        cluster.append(
-            fruit::grape(r, GRAPE_SKINS[(rng.range(0.0, 3.0)) as usize])
-                .placed(turn, body.position),
-        );
+        cluster
+            .append(fruit::grape(r, GRAPE_SKINS[(rng.range(0.0, 3.0)) as usize]).placed(turn, body.position));
         let pedicel = [body.position + toward * r * 0.9, bodies[anchor].position];
         if pedicel[0].distance(pedicel[1]) > 0.002 {
             cluster.append(Mesh::tube(&pedicel, 5, |_| 0.0007, "grape_stem"));
         }
     }
-    objects.push(Object {
-        name: "grapes".into(),
-        mesh: cluster,
-    });
+    objects.push(Object { name: "grapes".into(), mesh: cluster });
     objects.extend(strays(rng));
     objects
 }
@@ -362,22 +207,14 @@ fn stalk_mesh(nodes: &[DVec3]) -> Mesh {
     path.extend_from_slice(nodes);
     let mut mesh = Mesh::tube(&path, 7, |i| 0.0021 - 0.00012 * i as f64, "grape_stem");
     let across = along.cross(DVec3::Y).normalize() * 0.011;
-    mesh.append(Mesh::tube(
-        &[end - across, end, end + across],
-        7,
-        |_| 0.0024,
-        "stem",
-    ));
+    mesh.append(Mesh::tube(&[end - across, end, end + across], 7, |_| 0.0024, "stem"));
     mesh
 }
 
 /// Single grapes and leaves lying on the table.
 fn strays(rng: &mut Rng) -> Vec<Object> {
     let mut objects = Vec::new();
-    for (i, (x, z)) in [(-0.128, 0.190), (-0.020, 0.225), (0.050, 0.212)]
-        .into_iter()
-        .enumerate()
-    {
+    for (i, (x, z)) in [(-0.128, 0.190), (-0.020, 0.225), (0.050, 0.212)].into_iter().enumerate() {
         let r = rng.range(0.0092, 0.0106);
         let at = DVec3::new(x, table_height(x, z) + r * 0.985, z);
         let lying = tilted([rng.range(-1.0, 1.0), 0.08, rng.range(0.2, 1.0)], 0.0);
@@ -386,9 +223,8 @@ fn strays(rng: &mut Rng) -> Vec<Object> {
             mesh: fruit::grape(r, GRAPE_SKINS[i]).placed(lying, at),
         });
     }
-    for (i, (x, z, yaw, length)) in [(0.085, 0.200, 3.5, 0.066), (0.090, 0.206, -0.6, 0.056)]
-        .into_iter()
-        .enumerate()
+    for (i, (x, z, yaw, length)) in
+        [(0.085, 0.200, 3.5, 0.066), (0.090, 0.206, -0.6, 0.056)].into_iter().enumerate()
     {
         let at = DVec3::new(x, table_height(x, z) + 0.006, z);
         let leaf = fruit::leaf(length, 0.06, if i == 0 { "leaf_1" } else { "leaf_2" });

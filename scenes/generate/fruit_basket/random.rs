@@ -46,9 +46,7 @@ pub fn noise(p: DVec3, seed: u64) -> f64 {
     let corner = |dx: i64, dy: i64, dz: i64| {
         let h = [cell.x as i64 + dx, cell.y as i64 + dy, cell.z as i64 + dz]
             .iter()
-            .fold(seed, |h, &c| {
-                mix(h ^ (c as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15))
-            });
+            .fold(seed, |h, &c| mix(h ^ (c as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
         2.0 * unit(h) - 1.0
     };
     let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;

@@ -33,24 +33,12 @@ impl Shape {
             let sum = &mut sums[cell.round() as usize];
             *sum = (sum.0 + p.length(), sum.1 + 1.0);
         }
-        let known: Vec<(usize, f64)> = sums
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| s.1 > 0.0)
-            .map(|(i, s)| (i, s.0 / s.1))
-            .collect();
-        let nearest = |i: usize| {
-            known
-                .iter()
-                .min_by_key(|k| k.0.abs_diff(i))
-                .map_or(0.0, |k| k.1)
-        };
+        let known: Vec<(usize, f64)> =
+            sums.iter().enumerate().filter(|(_, s)| s.1 > 0.0).map(|(i, s)| (i, s.0 / s.1)).collect();
+        let nearest = |i: usize| known.iter().min_by_key(|k| k.0.abs_diff(i)).map_or(0.0, |k| k.1);
         let radii = (0..=CELLS).map(nearest).collect();
         let stride = mesh.positions.len() / 300 + 1;
-        Self::Star {
-            radii,
-            points: mesh.positions.iter().copied().step_by(stride).collect(),
-        }
+        Self::Star { radii, points: mesh.positions.iter().copied().step_by(stride).collect() }
     }
 
     /// Signed distance at `p` (negative inside) and the direction out.
@@ -65,12 +53,9 @@ impl Shape {
                 let radius = radii[i] + (radii[i + 1] - radii[i]) * (x - i as f64);
                 // Along the skin the radius changes by `slope` a radian.
                 let radial = p / length;
-                let down = DVec3::new(
-                    radial.x * radial.y,
-                    -axial / length * (axial / length),
-                    radial.z * radial.y,
-                )
-                .normalize_or_zero();
+                let down =
+                    DVec3::new(radial.x * radial.y, -axial / length * (axial / length), radial.z * radial.y)
+                        .normalize_or_zero();
                 let normal = (radial - down * (slope / radius)).normalize();
                 ((length - radius) * normal.dot(radial), normal)
             }
@@ -141,17 +126,12 @@ pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], step
         .zip(&local)
         .map(|(b, l)| l.iter().map(|&(p, r)| (b.rotation * p, r)).collect())
         .collect();
-    let reach: Vec<f64> = local
-        .iter()
-        .map(|l| l.iter().map(|&(p, r)| p.length() + r).fold(0.0, f64::max))
-        .collect();
+    let reach: Vec<f64> =
+        local.iter().map(|l| l.iter().map(|&(p, r)| p.length() + r).fold(0.0, f64::max)).collect();
     for step in 0..steps {
         let left = (steps - step) as f64 / steps as f64;
         let fall = 0.0006 * (4.0 * left).min(1.0);
-        bodies
-            .iter_mut()
-            .filter(|b| b.mobility > 0.0)
-            .for_each(|b| b.position.y -= fall);
+        bodies.iter_mut().filter(|b| b.mobility > 0.0).for_each(|b| b.position.y -= fall);
         for _ in 0..4 {
             for link in links {
                 let [a, b] = link.ends;
@@ -173,17 +153,12 @@ pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], step
                     }
                     // Balls against balls need one direction only.
                     if b < a
-                        && matches!(
-                            (&bodies[a].shape, &bodies[b].shape),
-                            (Shape::Balls(_), Shape::Balls(_))
-                        )
+                        && matches!((&bodies[a].shape, &bodies[b].shape), (Shape::Balls(_), Shape::Balls(_)))
                     {
                         continue;
                     }
-                    let (offset, back) = (
-                        bodies[a].position - bodies[b].position,
-                        bodies[b].rotation.inverse(),
-                    );
+                    let (offset, back) =
+                        (bodies[a].position - bodies[b].position, bodies[b].rotation.inverse());
                     let close = turned[a]
                         .iter()
                         .filter(|&&(p, r)| (p + offset).length_squared() < (reach[b] + r).powi(2));

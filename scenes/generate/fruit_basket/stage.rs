@@ -30,10 +30,7 @@ pub fn table() -> Mesh {
     const N: [usize; 2] = [72, 52];
     let inner = [HALF[0] - EDGE, HALF[1] - EDGE];
     let top = |i: usize, j: usize| {
-        let (x, z) = (
-            inner[0] * spread(i, N[0]),
-            CENTRE_Z + inner[1] * spread(j, N[1]),
-        );
+        let (x, z) = (inner[0] * spread(i, N[0]), CENTRE_Z + inner[1] * spread(j, N[1]));
         DVec3::new(x, table_height(x, z), z)
     };
     let mut mesh = Mesh::patch(N[1], N[0], |j, i| top(i, j), "table");
@@ -53,11 +50,7 @@ pub fn table() -> Mesh {
                     _ if i == n => -1.0,
                     _ => 0.0,
                 };
-                let centre = if bottom {
-                    -THICKNESS + EDGE
-                } else {
-                    p.y - EDGE
-                };
+                let centre = if bottom { -THICKNESS + EDGE } else { p.y - EDGE };
                 p.with_y(centre + EDGE * cos) + (out + along * end) * (EDGE * sin)
             },
             "table",
@@ -69,9 +62,7 @@ pub fn table() -> Mesh {
     mesh.append(strip(&|j| top(nx, j), DVec3::X, nz));
     mesh.append(strip(&|j| top(0, nz - j), -DVec3::X, nz));
     let border = (0..nx).map(|i| (i, 0)).chain((0..nz).map(|j| (nx, j)));
-    let border = border
-        .chain((1..=nx).rev().map(|i| (i, nz)))
-        .chain((1..=nz).rev().map(|j| (0, j)));
+    let border = border.chain((1..=nx).rev().map(|i| (i, nz))).chain((1..=nz).rev().map(|j| (0, j)));
     let border: Vec<DVec3> = border.map(|(i, j)| top(i, j).with_y(-THICKNESS)).collect();
     mesh.append(Mesh::fan(&border, "table"));
     mesh
@@ -85,17 +76,9 @@ pub fn backdrop() -> Mesh {
     let mut profile = vec![(1.6, floor, 0.0), (0.4, floor, 0.0)];
     profile.extend((0..=STEPS).map(|i| {
         let a = 0.5 * PI * i as f64 / STEPS as f64;
-        (
-            wall + radius * (1.0 - a.sin()),
-            floor + radius * (1.0 - a.cos()),
-            a,
-        )
+        (wall + radius * (1.0 - a.sin()), floor + radius * (1.0 - a.cos()), a)
     }));
-    profile.extend([
-        (wall, 0.5, 0.5 * PI),
-        (wall, 1.3, 0.5 * PI),
-        (wall, 2.3, 0.5 * PI),
-    ]);
+    profile.extend([(wall, 0.5, 0.5 * PI), (wall, 1.3, 0.5 * PI), (wall, 2.3, 0.5 * PI)]);
     let at = |i: usize, x: f64, back: f64| {
         let (z, y, a) = profile[i];
         DVec3::new(x, y - back * a.cos(), z - back * a.sin())
@@ -103,35 +86,14 @@ pub fn backdrop() -> Mesh {
     let last = profile.len() - 1;
     let across = |j: usize| WIDTH * (j as f64 / 12.0 - 0.5);
     let mut mesh = Mesh::patch(12, last, |j, i| at(i, across(j), 0.0), "backdrop");
-    mesh.append(Mesh::patch(
-        12,
-        last,
-        |j, i| at(i, -across(j), 0.02),
-        "backdrop",
-    ));
+    mesh.append(Mesh::patch(12, last, |j, i| at(i, -across(j), 0.02), "backdrop"));
     for side in [-0.5 * WIDTH, 0.5 * WIDTH] {
         let depth = |k: usize| 0.02 * if side < 0.0 { k as f64 } else { 1.0 - k as f64 };
-        mesh.append(Mesh::patch(
-            last,
-            1,
-            |i, k| at(i, side, depth(k)),
-            "backdrop",
-        ));
+        mesh.append(Mesh::patch(last, 1, |i, k| at(i, side, depth(k)), "backdrop"));
     }
     for end in [0, last] {
-        let depth = |k: usize| {
-            0.02 * if end == last {
-                k as f64
-            } else {
-                1.0 - k as f64
-            }
-        };
-        mesh.append(Mesh::patch(
-            12,
-            1,
-            |j, k| at(end, across(j), depth(k)),
-            "backdrop",
-        ));
+        let depth = |k: usize| 0.02 * if end == last { k as f64 } else { 1.0 - k as f64 };
+        mesh.append(Mesh::patch(12, 1, |j, k| at(end, across(j), depth(k)), "backdrop"));
     }
     mesh
 }

@@ -35,10 +35,7 @@ fn wall_height(s: f64) -> f64 {
 
 /// Centre line of the wall in (radius, height), from foot to rim.
 pub fn wall_profile() -> Vec<(f64, f64)> {
-    (0..=12)
-        .map(|i| f64::from(i) / 12.0)
-        .map(|s| (wall_radius(s), wall_height(s)))
-        .collect()
+    (0..=12).map(|i| f64::from(i) / 12.0).map(|s| (wall_radius(s), wall_height(s))).collect()
 }
 
 fn polar(radius: f64, angle: f64, y: f64) -> DVec3 {
@@ -48,8 +45,7 @@ fn polar(radius: f64, angle: f64, y: f64) -> DVec3 {
 /// Outward normal of the wall at height `s`, in the half plane of `angle`.
 fn wall_normal(s: f64, angle: f64) -> DVec3 {
     let d = 1e-3;
-    let slope =
-        (wall_radius(s + d) - wall_radius(s - d)) / (wall_height(s + d) - wall_height(s - d));
+    let slope = (wall_radius(s + d) - wall_radius(s - d)) / (wall_height(s + d) - wall_height(s - d));
     polar(1.0, angle, -slope).normalize()
 }
 
@@ -71,11 +67,7 @@ fn weaver(row: usize) -> Mesh {
     let path: Vec<DVec3> = (0..STEPS)
         .map(|i| {
             let over = (STAKES as f64 / 2.0 * angle(i) + PI * row as f64).cos();
-            let base = polar(
-                wall_radius(s),
-                angle(i),
-                wall_height(s) + 0.0004 * wobble(i, 100),
-            );
+            let base = polar(wall_radius(s), angle(i), wall_height(s) + 0.0004 * wobble(i, 100));
             base + wall_normal(s, angle(i)) * (STRAND.0 + STAKE.0) * over
         })
         .collect();
@@ -83,31 +75,15 @@ fn weaver(row: usize) -> Mesh {
         let full = 1.0 + 0.07 * wobble(i, 200);
         (STRAND.0 * full * a.cos(), STRAND.1 * full * a.sin())
     };
-    Mesh::sweep(
-        &path,
-        |i| wall_normal(s, angle(i)),
-        6,
-        true,
-        section,
-        row_material(row),
-    )
+    Mesh::sweep(&path, |i| wall_normal(s, angle(i)), 6, true, section, row_material(row))
 }
 
 fn stake(index: usize) -> Mesh {
     let angle = TAU * index as f64 / STAKES as f64;
-    let path: Vec<DVec3> = (0..=7)
-        .map(|i| f64::from(i) / 7.0)
-        .map(|s| polar(wall_radius(s), angle, wall_height(s)))
-        .collect();
+    let path: Vec<DVec3> =
+        (0..=7).map(|i| f64::from(i) / 7.0).map(|s| polar(wall_radius(s), angle, wall_height(s))).collect();
     let section = |_, a: f64| (STAKE.0 * a.cos(), STAKE.1 * a.sin());
-    Mesh::sweep(
-        &path,
-        |_| polar(1.0, angle, 0.0),
-        6,
-        false,
-        section,
-        "wicker_light",
-    )
+    Mesh::sweep(&path, |_| polar(1.0, angle, 0.0), 6, false, section, "wicker_light")
 }
 
 /// Rope of `plies` strands twisted `turns` times about a closed or open curve.
@@ -132,8 +108,7 @@ impl Rope<'_> {
                     let (centre, normal) = curve(t);
                     let tangent = (curve(t + 1e-4).0 - curve(t - 1e-4).0).normalize();
                     let other = tangent.cross(normal);
-                    let (sin, cos) =
-                        (TAU * (self.turns * t + ply as f64 / self.plies as f64)).sin_cos();
+                    let (sin, cos) = (TAU * (self.turns * t + ply as f64 / self.plies as f64)).sin_cos();
                     centre + (normal * cos + other * sin) * self.helix
                 })
                 .collect();
@@ -155,10 +130,7 @@ fn ear(angle: f64) -> Mesh {
         let rise = sin.max(0.0).powf(0.75);
         let foot = polar(RIM_RADIUS, angle, RIM_HEIGHT - 0.012);
         let curve_in = outward * (-0.0125 * cos * cos);
-        (
-            foot + along * (0.062 * cos) + curve_in + (DVec3::Y * 0.070 + outward * 0.020) * rise,
-            outward,
-        )
+        (foot + along * (0.062 * cos) + curve_in + (DVec3::Y * 0.070 + outward * 0.020) * rise, outward)
     };
     let rope = Rope {
         plies: 3,
@@ -224,13 +196,7 @@ pub fn basket(rng: &mut Rng) -> Mesh {
         .map(|i| {
             let (sin, cos) = (PI * f64::from(i) / 8.0).sin_cos();
             (0..40)
-                .map(|j| {
-                    polar(
-                        0.112 * sin.sqrt(),
-                        TAU * f64::from(j) / 40.0,
-                        FLOOR - 0.006 + 0.006 * cos,
-                    )
-                })
+                .map(|j| polar(0.112 * sin.sqrt(), TAU * f64::from(j) / 40.0, FLOOR - 0.006 + 0.006 * cos))
                 .collect()
         })
         .collect();

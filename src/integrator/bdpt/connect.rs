@@ -139,7 +139,7 @@ pub fn to_camera(
             &Contribution {
                 light: y.light,
                 rho: y.rho,
-        light_point: light[0].p,
+                light_point: light[0].p,
                 value: value * mis_weight,
                 strategy: Strategy::new(s, 1),
                 mis_weight,
@@ -178,7 +178,7 @@ fn light_to_camera(
         &Contribution {
             light: id,
             rho: l.rho,
-        light_point: l.p,
+            light_point: l.p,
             value: value * mis_weight,
             strategy: Strategy::new(1, 1),
             mis_weight,

@@ -84,8 +84,8 @@ fn cross_lights(
         let partial = walk.partial(h, dist2);
         // s = 1 has its own density of the light point, s >= 2 that of an origin.
         let s1 = h.apply(p_nee / p_hit) * partial.previous;
-        let s2 = h.apply(pmf * f64::from(origin.0) / p_hit)
-            * (partial.close(h, emission.0) - partial.previous);
+        let s2 =
+            h.apply(pmf * f64::from(origin.0) / p_hit) * (partial.close(h, emission.0) - partial.previous);
         let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
         recorder.add(&Contribution {
             light: id,
@@ -99,7 +99,12 @@ fn cross_lights(
 }
 
 /// Traces a light subpath into `out` (`y_0` first); empty without lights.
-pub fn trace_light<'a>(integrator: &Integrator, scene: &'a Scene, sampler: &mut Sampler, out: &mut Vec<Vertex<'a>>) {
+pub fn trace_light<'a>(
+    integrator: &Integrator,
+    scene: &'a Scene,
+    sampler: &mut Sampler,
+    out: &mut Vec<Vertex<'a>>,
+) {
     out.clear();
     let u_light = sampler.next_1d();
     let _spare = sampler.next_1d();

@@ -36,9 +36,15 @@ pub struct LightEnd {
 }
 
 /// Weight of the strategy with `s` light vertices for the path `x` (light
-/// first, pinhole last). [Veach97] eq. 9.8 with densities by eq. 10.6.
+/// first, pinhole last). \[Veach97\] eq. 9.8 with densities by eq. 10.6.
 #[must_use]
-pub fn reference_weight(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[PathVertex], s: usize) -> f64 {
+pub fn reference_weight(
+    integrator: &Integrator,
+    scene: &Scene,
+    end: LightEnd,
+    x: &[PathVertex],
+    s: usize,
+) -> f64 {
     let densities = densities(scene, end, x);
     let h = integrator.heuristic;
     let total: f64 = densities.iter().map(|&p| h.apply(p)).sum();
@@ -70,7 +76,8 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
         (None, _) => 1.0,
     };
     let to_area = |from: usize, to: usize, pdf: f32| {
-        f64::from(pdf) * f64::from(cos(to, direction(from, to))) / f64::from(x[to].p.distance_squared(x[from].p))
+        f64::from(pdf) * f64::from(cos(to, direction(from, to)))
+            / f64::from(x[to].p.distance_squared(x[from].p))
     };
     let scattered = |previous: usize, at: usize, next: usize| match &x[at].si {
         Some(_) if x[at].delta => 1.0,
@@ -94,8 +101,7 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
             }
         })
         .collect();
-    let next_event = pmf
-        * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &seen).0) };
+    let next_event = pmf * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &seen).0) };
     (0..=k)
         .map(|s| {
             let exists = match s {

@@ -99,15 +99,9 @@ pub enum TargetProblemReason {
 }
 
 fn did_you_mean(nearest: Option<&str>) -> String {
-    nearest
-        .map(|n| format!(", did you mean `{n}`?"))
-        .unwrap_or_default()
+    nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
 }
 
 fn in_key(key: &[String]) -> String {
-    if key.is_empty() {
-        String::new()
-    } else {
-        format!("`{}`: ", key.join("."))
-    }
+    if key.is_empty() { String::new() } else { format!("`{}`: ", key.join(".")) }
 }

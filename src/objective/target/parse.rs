@@ -5,17 +5,13 @@ use std::fmt;
 use serde_json::{Map, Value};
 
 use super::{
-    PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem, TargetProblemReason,
-    WEIGHT_KEYS,
+    PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem, TargetProblemReason, WEIGHT_KEYS,
 };
 use crate::files::nearest;
 use crate::objective::signature::{self, BetaComponent, Shape, Signature};
 
 fn problem(key: &[&str], reason: impl Into<TargetProblemReason>) -> TargetProblem {
-    TargetProblem {
-        key: key.iter().map(|&k| k.to_owned()).collect(),
-        reason: reason.into(),
-    }
+    TargetProblem { key: key.iter().map(|&k| k.to_owned()).collect(), reason: reason.into() }
 }
 
 fn expected(key: &[&str], expected: &'static str, found: impl fmt::Display) -> TargetProblem {
@@ -41,12 +37,9 @@ impl Target {
         };
         let mut targets = [0.0; 5];
         for (t, key) in targets.iter_mut().zip(TARGET_KEYS) {
-            *t = number(
-                require(top, &[], key)?,
-                &[key],
-                "a number from 0 to 1",
-                |v| (0.0..=1.0).contains(&v),
-            )?;
+            *t = number(require(top, &[], key)?, &[key], "a number from 0 to 1", |v| {
+                (0.0..=1.0).contains(&v)
+            })?;
         }
         let mut weights = PUBLISHED_WEIGHTS;
         if let Some(value) = top.get("weights") {
@@ -58,20 +51,11 @@ impl Target {
                 }
             }
             if weights.iter().all(|&w| w == 0.0) {
-                return Err(expected(
-                    &["weights"],
-                    "above 0 for at least one term",
-                    "zeros",
-                ));
+                return Err(expected(&["weights"], "above 0 for at least one term", "zeros"));
             }
         }
         let signature = parse_signature(require(top, &[], "signature")?)?;
-        Ok(Self {
-            name: name.to_owned(),
-            targets,
-            weights,
-            signature,
-        })
+        Ok(Self { name: name.to_owned(), targets, weights, signature })
     }
 }
 
@@ -81,19 +65,14 @@ fn parse_signature(value: &Value) -> Result<Signature, TargetProblem> {
         return Signature::builtin(name).ok_or_else(|| {
             let nearest = nearest(name, signature::BUILTIN);
             let name = name.to_owned();
-            problem(
-                &[KEY],
-                TargetProblemReason::UnknownSignature { name, nearest },
-            )
+            problem(&[KEY], TargetProblemReason::UnknownSignature { name, nearest })
         });
     }
     let given = table(value, &[KEY])?;
     check_keys(given, &[KEY], &["name", "betas", "cumulated"])?;
     let name = match given.get("name") {
         None => "custom",
-        Some(name) => name
-            .as_str()
-            .ok_or_else(|| expected(&[KEY, "name"], "a name in quotes", name))?,
+        Some(name) => name.as_str().ok_or_else(|| expected(&[KEY, "name"], "a name in quotes", name))?,
     };
     let list = |key| match given.get(key) {
         None => Ok(None),
@@ -110,18 +89,10 @@ fn parse_signature(value: &Value) -> Result<Signature, TargetProblem> {
             (Shape::Cumulated(values?), "cumulated")
         }
         (None, None) => {
-            return Err(expected(
-                &[KEY],
-                "a table with `betas` or `cumulated`",
-                "neither",
-            ));
+            return Err(expected(&[KEY], "a table with `betas` or `cumulated`", "neither"));
         }
         (Some(_), Some(_)) => {
-            return Err(expected(
-                &[KEY],
-                "a table with `betas` or `cumulated`",
-                "both",
-            ));
+            return Err(expected(&[KEY], "a table with `betas` or `cumulated`", "both"));
         }
     };
     Signature::new(name, shape).map_err(|e| problem(&[KEY, key], e))
@@ -134,14 +105,8 @@ fn parse_betas(list: &[Value]) -> Result<Vec<BetaComponent>, TargetProblem> {
         .map(|value| {
             let given = table(value, &KEY)?;
             check_keys(given, &KEY, &FIELDS)?;
-            let field = |key| {
-                number(
-                    require(given, &KEY, key)?,
-                    &[KEY[0], KEY[1], key],
-                    "a number",
-                    |_| true,
-                )
-            };
+            let field =
+                |key| number(require(given, &KEY, key)?, &[KEY[0], KEY[1], key], "a number", |_| true);
             Ok(BetaComponent {
                 fraction: field(FIELDS[0])?,
                 mean: field(FIELDS[1])?,
@@ -152,9 +117,7 @@ fn parse_betas(list: &[Value]) -> Result<Vec<BetaComponent>, TargetProblem> {
 }
 
 fn table<'v>(value: &'v Value, key: &[&str]) -> Result<&'v Map<String, Value>, TargetProblem> {
-    value
-        .as_object()
-        .ok_or_else(|| expected(key, "a table", value))
+    value.as_object().ok_or_else(|| expected(key, "a table", value))
 }
 
 fn require<'v>(
@@ -175,27 +138,17 @@ fn number(
     check: impl Fn(f64) -> bool,
 ) -> Result<f64, TargetProblem> {
     // TOML's inf and nan have no JSON number and arrive as null.
-    value
-        .as_f64()
-        .filter(|v| v.is_finite() && check(*v))
-        .ok_or_else(|| expected(key, allowed, value))
+    value.as_f64().filter(|v| v.is_finite() && check(*v)).ok_or_else(|| expected(key, allowed, value))
 }
 
-fn check_keys(
-    table: &Map<String, Value>,
-    within: &[&str],
-    known: &[&str],
-) -> Result<(), TargetProblem> {
+fn check_keys(table: &Map<String, Value>, within: &[&str], known: &[&str]) -> Result<(), TargetProblem> {
     match table.keys().find(|key| !known.contains(&key.as_str())) {
         None => Ok(()),
         Some(key) => {
             let path: Vec<&str> = within.iter().copied().chain([key.as_str()]).collect();
             let nearest = nearest(key, known.iter().copied()).map(str::to_owned);
             let known = known.join(", ");
-            Err(problem(
-                &path,
-                TargetProblemReason::UnknownKey { nearest, known },
-            ))
+            Err(problem(&path, TargetProblemReason::UnknownKey { nearest, known }))
         }
     }
 }
@@ -212,18 +165,12 @@ pub(super) fn line_of_key(text: &str, path: &[String]) -> usize {
     let mut line = 1;
     for name in path {
         // A list of tables offers several; the last with the key is as good as any.
-        let found = tables
-            .iter()
-            .flat_map(|t| t.iter())
-            .rfind(|(key, _)| key.get_ref().as_ref() == name);
+        let found = tables.iter().flat_map(|t| t.iter()).rfind(|(key, _)| key.get_ref().as_ref() == name);
         let Some((key, value)) = found else { break };
         line = line_at(text, key.span().start);
         tables = match value.get_ref() {
             DeValue::Table(table) => vec![table],
-            DeValue::Array(list) => list
-                .iter()
-                .filter_map(|item| item.get_ref().as_table())
-                .collect(),
+            DeValue::Array(list) => list.iter().filter_map(|item| item.get_ref().as_table()).collect(),
             _ => break,
         };
     }
