@@ -1,17 +1,92 @@
 //! Automatic, aesthetics-driven lighting design with global illumination.
 //!
+//! From a scene and a look (high-key, low-key, or one's own) to the lights that give the
+//! picture that look: their radiance and size, and the value of the background. The method
+//! is that of \[PG14\].
+//!
+//! # Conventions
+//!
+//! - World space is right-handed, y up, in metres. Radiance is linear Rec.709 in
+//!   W·m⁻²·sr⁻¹ per channel.
+//! - `wo` points toward the previous vertex, `wi` onward, both away from the surface; local
+//!   +z is the shading normal. `f` is a BSDF without cosine.
+//! - `pdf_*` is a density, `pmf_*` a probability; the type says the measure.
+//! - The renderer works in f32; measuring and optimising in f64.
+//! - Same scene, options and seed: the same bytes, whatever the number of threads.
+//!
+//! # Modules, lowest floor first
+//!
+//! | module | what it holds |
+//! | --- | --- |
+//! | [`math`] | colour, display encoding, frames, densities, warps, statistics |
+//! | [`files`] | atomic writing, TOML with helpful errors |
+//! | [`embree`] | ray queries |
+//! | [`bsdf`], [`light`], [`camera`], [`sampler`] | the parts of light transport |
+//! | [`scene`] | OBJ, MTL and sidecar; what an integrator asks of geometry |
+//! | [`film`] | contributions to pictures; EXR, PNG |
+//! | [`integrator`] | path tracing, bidirectional path tracing |
+//! | [`params`] | the free variables, their bounds and start |
+//! | [`objective`] | f_q, its terms and targets |
+//! | [`optim`] | NLopt's L-BFGS, differences |
+//! | [`audit`] | the run directory |
+//! | [`design`] | a whole run |
+//! | [`cli`] | the command line |
+//!
 //! # Bibliography
 //!
+//! - \[Acklam03\] P. Acklam, *An algorithm for computing the inverse normal cumulative
+//!   distribution function*, 2003.
 //! - \[BT709\] Recommendation ITU-R BT.709-6, 2015.
+//! - \[Burley20\] B. Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020.
 //! - \[DLMF\] NIST Digital Library of Mathematical Functions, <https://dlmf.nist.gov>.
-//! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM 1982.
+//! - \[Duff17\] T. Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6(1),
+//!   2017.
+//! - \[Dupuy23\] J. Dupuy, A. Benyoub, *Sampling Visible GGX Normals with Spherical Caps*,
+//!   CGF 42(8), 2023.
+//! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM
+//!   1982.
+//! - \[Ericson04\] C. Ericson, *Real-Time Collision Detection*, Morgan Kaufmann 2004.
+//! - \[Georgiev12\] I. Georgiev et al., *Light Transport Simulation with Vertex Connection
+//!   and Merging*, ACM TOG 31(6), 2012.
+//! - \[Heitz18\] E. Heitz, *Sampling the GGX Distribution of Visible Normals*, JCGT 7(4),
+//!   2018.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
-//! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*, Pacific
-//!   Graphics short papers, 2014.
-//! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number Generators*,
-//!   OOPSLA 2014.
-//! - \[Thompson86\] I. Thompson, A. Barnett, *Coulomb and Bessel Functions of Complex Arguments
-//!   and Order*, J. Comput. Phys. 64, 1986 (the modified Lentz algorithm).
+//! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
+//! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
+//! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
+//!   33(3), 2011.
+//! - \[More12\] J. Moré, S. Wild, *Estimating Derivatives of Noisy Simulations*, ACM TOMS
+//!   38(3), 2012.
+//! - \[MT97\] T. Möller, B. Trumbore, *Fast, Minimum Storage Ray/Triangle Intersection*,
+//!   JGT 2(1), 1997.
+//! - \[Nocedal80\] J. Nocedal, *Updating Quasi-Newton Matrices with Limited Storage*, Math.
+//!   Comp. 35, 1980.
+//! - \[PBRT3\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 3rd ed.,
+//!   2016.
+//! - \[PBRT4\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 4th ed.,
+//!   2023.
+//! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*,
+//!   Pacific Graphics short papers, 2014.
+//! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
+//!   CGF 13(3), 1994.
+//! - \[Shirley97\] P. Shirley, K. Chiu, *A Low Distortion Map Between Disk and Square*, JGT
+//!   2(3), 1997.
+//! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number
+//!   Generators*, OOPSLA 2014.
+//! - \[Thompson86\] I. Thompson, A. Barnett, *Coulomb and Bessel Functions of Complex
+//!   Arguments and Order*, J. Comput. Phys. 64, 1986 (the modified Lentz algorithm).
+//! - \[Thurmer98\] G. Thürmer, C. Wüthrich, *Computing Vertex Normals from Polygonal
+//!   Facets*, JGT 3(1), 1998.
+//! - \[vanAntwerpen11\] D. van Antwerpen, *Recursive MIS Computation for Streaming BDPT on
+//!   the GPU*, TU Delft 2011.
+//! - \[Veach97\] E. Veach, *Robust Monte Carlo Methods for Light Transport Simulation*,
+//!   Stanford 1997.
+//! - \[Wachter19\] C. Wächter, N. Binder, *A Fast and Robust Method for Avoiding Self-
+//!   Intersection*, Ray Tracing Gems ch. 6, 2019.
+//! - \[Walter07\] B. Walter et al., *Microfacet Models for Refraction through Rough
+//!   Surfaces*, EGSR 2007.
+//! - \[Welford62\] B. Welford, *Note on a Method for Calculating Corrected Sums of Squares
+//!   and Products*, Technometrics 4(3), 1962.
 
 pub mod audit;
 pub mod bsdf;

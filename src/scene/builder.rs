@@ -9,7 +9,7 @@ use glam::{UVec2, Vec3};
 
 use super::{
     Scene,
-    material::{Material, MaterialParams},
+    material::{Coats, Material, MaterialParams},
     obj,
     sidecar::{LightSpec, LightType, MaterialSpec, Selection, Sidecar},
 };
@@ -120,6 +120,7 @@ impl Builder<'_> {
                 return Err(self.unknown_name("materials", name, known));
             }
         }
+        let mut coats = Coats::default();
         let materials: Vec<Material> = parts
             .materials
             .into_iter()
@@ -128,7 +129,7 @@ impl Builder<'_> {
                     Some(spec) => self.override_material(&name, params, spec)?,
                     None => params,
                 };
-                Ok(Material::new(name, params))
+                Ok(Material::new(name, params, &mut coats))
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;

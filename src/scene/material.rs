@@ -1,6 +1,6 @@
 //! Materials: what a surface is made of, and the background's value.
 
-use std::sync::Arc;
+use std::{collections::HashMap, sync::Arc};
 
 use glam::Vec2;
 
@@ -34,7 +34,7 @@ pub struct Material {
     texture: Option<Arc<Texture>>,
     ggx: Option<Ggx>,
     ior: f32,
-    coat: Option<Coat>,
+    coat: Option<Arc<Coat>>,
     /// Factor on the base colour: 1, or the background's value.
     value: f32,
     /// Factor that sampling decisions use: the largest background value.
@@ -56,10 +56,21 @@ pub struct MaterialParams {
     pub ior: f32,
 }
 
+/// Coats by IOR and GGX slope: materials that are alike share their table.
+#[derive(Debug, Default)]
+pub struct Coats(HashMap<(u32, Option<u32>), Arc<Coat>>);
+
+impl Coats {
+    fn get(&mut self, ior: f32, alpha: Option<f32>) -> Arc<Coat> {
+        let key = (ior.to_bits(), alpha.map(f32::to_bits));
+        self.0.entry(key).or_insert_with(|| Arc::new(Coat::new(ior, alpha))).clone()
+    }
+}
+
 impl Material {
-    /// Builds a material and tabulates its coat.
+    /// Builds a material; its coat, if any, is looked up or tabulated.
     #[must_use]
-    pub fn new(name: String, params: MaterialParams) -> Self {
+    pub fn new(name: String, params: MaterialParams, coats: &mut Coats) -> Self {
         let alpha = params.roughness * params.roughness;
         let alpha = (alpha >= Ggx::MIN_ALPHA).then_some(alpha);
         Self {
@@ -69,7 +80,7 @@ impl Material {
             texture: params.texture,
             ggx: alpha.map(Ggx::new),
             ior: params.ior,
-            coat: (params.model == Model::Plastic).then(|| Coat::new(params.ior, alpha)),
+            coat: (params.model == Model::Plastic).then(|| coats.get(params.ior, alpha)),
             value: 1.0,
             sampling_value: 1.0,
         }

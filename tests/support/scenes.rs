@@ -9,7 +9,7 @@ use lightopt_embree::{
     math::Rgb,
     scene::{
         Material, Mesh, Scene,
-        material::{MaterialParams, Model},
+        material::{Coats, MaterialParams, Model},
         mesh::face_normal,
     },
 };
@@ -95,7 +95,7 @@ pub fn params(model: Model, color: [f32; 3], roughness: f32) -> MaterialParams {
 }
 
 pub fn material(name: &str, model: Model, color: [f32; 3], roughness: f32) -> Material {
-    Material::new(name.into(), params(model, color, roughness))
+    Material::new(name.into(), params(model, color, roughness), &mut Coats::default())
 }
 
 pub fn light(name: &str, shape: Shape) -> Light {
