@@ -15,10 +15,35 @@ mod splat;
 
 use glam::{UVec2, Vec2};
 
-use crate::{integrator::Strategy, light::LightId, math::Rgb};
+use crate::{light::LightId, math::Rgb};
 
 pub use rgb::{LightState, Picture, RgbFilm, RgbRow};
 pub use splat::SplatBuffer;
+
+/// A sampling strategy: `s` vertices from the light, `t` from the camera,
+/// endpoints included. A light that a camera subpath crosses is its last
+/// vertex: `s = 0`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Strategy {
+    /// Vertices of the light subpath.
+    pub s: u8,
+    /// Vertices of the camera subpath.
+    pub t: u8,
+}
+
+impl Strategy {
+    /// The strategy (s, t).
+    #[must_use]
+    pub fn new(s: usize, t: usize) -> Self {
+        Self { s: s as u8, t: t as u8 }
+    }
+
+    /// Edges of the paths it samples.
+    #[must_use]
+    pub fn n_edges(&self) -> usize {
+        usize::from(self.s) + usize::from(self.t) - 1
+    }
+}
 
 /// Light carried along one sampled path.
 #[derive(Clone, Copy, Debug)]
