@@ -68,7 +68,7 @@ pub struct RunArgs {
     pub spp: u32,
 
     /// Samples per pixel of the final picture
-    #[arg(long, value_name = "N", default_value = "256", value_parser = parse_spp)]
+    #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
     pub final_spp: u32,
 
     /// What may vary [default: the sidecar's, else all]

@@ -27,9 +27,9 @@ struct Stage {
 }
 
 const STAGES: [Stage; 3] = [
-    Stage { delta: Smoothing::DELTA_FIRST, share: 0.5, first_step: 0.2 },
-    Stage { delta: 5e-3, share: 0.3, first_step: 0.05 },
-    Stage { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.02 },
+    Stage { delta: Smoothing::DELTA_FIRST, share: 0.5, first_step: 0.1 },
+    Stage { delta: 5e-3, share: 0.3, first_step: 0.02 },
+    Stage { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.005 },
 ];
 /// Replicates of an evaluation, from which its error is estimated.
 const REPLICATES: u32 = 4;

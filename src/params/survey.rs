@@ -28,6 +28,9 @@ pub const BRIGHT: f64 = 0.9;
 pub const HEADROOM: f64 = 4.0;
 /// Mean display luminance of the start.
 pub const START: f64 = 0.35;
+/// Distance of a matched start from every bound, in the optimiser's units: a
+/// search that begins on a bound is slow to leave it.
+pub const OFF_BOUND: f64 = 0.04;
 /// Least value factor of the background.
 pub const MIN_VALUE: f32 = 0.05;
 /// Largest albedo that a value factor may give a background material.
@@ -251,10 +254,11 @@ pub fn starts(
             .iter()
             .map(|v| match v.kind {
                 VariableKind::Radiance(l) if lit.contains(&l) => v.encode(gain / means[l]),
-                VariableKind::Radiance(_) => 0.0,
+                VariableKind::Radiance(_) => v.encode(0.0),
                 VariableKind::Size(_) => v.encode(v.initial),
                 VariableKind::Background => v.encode(value * v.initial),
             })
+            .map(|u: f64| u.clamp(OFF_BOUND, 1.0 - OFF_BOUND))
             .collect();
         out.push((name, u));
     }
