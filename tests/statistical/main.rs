@@ -2,6 +2,7 @@
 //! correction.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod bsdf;
 mod transport;
 mod weights;
 
