@@ -3,6 +3,7 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod bsdf;
+mod light;
 mod transport;
 mod weights;
 
