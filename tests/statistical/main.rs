@@ -4,6 +4,7 @@
 
 mod bsdf;
 mod light;
+mod spawn;
 mod transport;
 mod weights;
 
