@@ -46,22 +46,13 @@ impl Coat {
                 })
                 .collect(),
         };
-        // R_int = 2 ∫ R(μ, 1/η) μ dμ by the midpoint rule.
-        let n = 128;
-        let r_int = (0..n)
-            .map(|i| {
-                let mu = (i as f32 + 0.5) / n as f32;
-                let r = match ggx {
-                    None => fresnel::dielectric(mu, 1.0 / eta).0,
-                    Some(g) => rough_interface(g, mu, 1.0 / eta).0,
-                };
-                2.0 * f64::from(r * mu) / f64::from(n)
-            })
-            .sum::<f64>() as f32;
+        let r_int = internal_reflectance(ggx, eta);
         Self { eta, ggx, transmittance, base_scale: FRAC_1_PI / (eta * eta * (1.0 - r_int)) }
     }
 
-    fn transmittance(&self, cos: f32) -> f32 {
+    /// Share of the light arriving at `cos` to the normal that enters the coat.
+    #[must_use]
+    pub fn transmittance(&self, cos: f32) -> f32 {
         if self.transmittance.is_empty() {
             return 1.0 - fresnel::dielectric(cos, self.eta).0;
         }
@@ -72,25 +63,54 @@ impl Coat {
     }
 }
 
+/// Reflectance of the interface for diffuse light from inside,
+/// R_int = 2 ∫ R(μ, 1/η) μ dμ, by the midpoint rule.
+///
+/// At the critical angle R has a vertical tangent, of a square root: the range
+/// is split there, and above it μ − μ_c is quadratic in the variable.
+fn internal_reflectance(ggx: Option<Ggx>, eta: f32) -> f32 {
+    let critical = (1.0 - 1.0 / (eta * eta)).sqrt();
+    let reflectance = |mu: f32| match ggx {
+        None => fresnel::dielectric(mu, 1.0 / eta).0,
+        Some(g) => rough_interface(g, mu, 1.0 / eta).0,
+    };
+    let n = if ggx.is_some() { N_NODES } else { 1024 };
+    let sum: f64 = (0..n)
+        .map(|i| {
+            let x = (i as f32 + 0.5) / n as f32;
+            let below = critical * x;
+            let above = critical + (1.0 - critical) * x * x;
+            f64::from(reflectance(below) * below * critical)
+                + f64::from(reflectance(above) * above * (1.0 - critical) * 2.0 * x)
+        })
+        .sum();
+    (2.0 * sum / n as f64) as f32
+}
+
 /// Directional reflectance and transmittance of a GGX interface seen from the
 /// side with relative IOR `eta`, by a product rule over the visible normals.
+///
+/// The square's upper edge holds the facets seen edge-on, whose cosine, and so
+/// whose transmittance, is a square root there: `u.y` = 1 − v² makes it linear.
 fn rough_interface(ggx: Ggx, cos: f32, eta: f32) -> (f32, f32) {
     let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut reflectance, mut transmittance) = (0.0_f64, 0.0_f64);
     let step = 1.0 / N_QUADRATURE as f32;
     for i in 0..N_QUADRATURE * N_QUADRATURE {
-        let u = Vec2::new((i % N_QUADRATURE) as f32 + 0.5, (i / N_QUADRATURE) as f32 + 0.5) * step;
+        let v = ((i / N_QUADRATURE) as f32 + 0.5) * step;
+        let weight = f64::from(2.0 * v);
+        let u = Vec2::new(((i % N_QUADRATURE) as f32 + 0.5) * step, 1.0 - v * v);
         let wm = ggx.sample_wm(wo, u);
         let c = wo.dot(wm);
         let (r, cos_t) = fresnel::dielectric(c, eta);
         let wi = reflect_about(wo, wm);
         if wi.z > 0.0 {
-            reflectance += f64::from(r * ggx.g1(wi, wm));
+            reflectance += weight * f64::from(r * ggx.g1(wi, wm));
         }
         if r < 1.0 {
             let wt = -wo / eta + wm * (c / eta + cos_t);
             if wt.z < 0.0 {
-                transmittance += f64::from((1.0 - r) * ggx.g1(wt, wm));
+                transmittance += weight * f64::from((1.0 - r) * ggx.g1(wt, wm));
             }
         }
     }

@@ -12,6 +12,8 @@ use crate::{
 pub struct SurfaceInteraction<'a> {
     /// Position, metres.
     pub p: Vec3,
+    /// How far rounding may have put `p` off its triangle, metres.
+    pub p_error: f32,
     /// Unit geometric normal, on the side of the shading normal.
     pub ng: Vec3,
     /// Shading frame.
@@ -73,8 +75,22 @@ impl SurfaceInteraction<'_> {
     /// Origin of a ray that leaves toward `w`, clear of the surface.
     #[must_use]
     pub fn spawn_origin(&self, w: Vec3) -> Vec3 {
-        offset_origin(self.p, if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng })
+        let n = if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng };
+        offset_origin(self.p + n * self.p_error, n)
     }
+}
+
+/// How far rounding may separate a triangle from a point interpolated on it
+/// and from a ray that starts there.
+///
+/// Both the interpolation and the ray's query, which takes corners relative to
+/// the origin, round by the coordinates of the corners, however small those of
+/// the point are. \[PBRT4\] 6.8.5 bounds the former by 7 units in the last place;
+/// as many again for the latter.
+pub(super) fn rounding_of(corners: [Vec3; 3]) -> f32 {
+    const UNITS: f32 = 16.0;
+    let largest = corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max);
+    UNITS * (f32::EPSILON / 2.0) * largest
 }
 
 /// Moves `p` off its surface along `n` by a distance that scales with the

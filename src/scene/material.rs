@@ -101,7 +101,12 @@ impl Material {
     /// Base colour at `uv`, value included.
     #[must_use]
     pub fn color(&self, uv: Vec2) -> Rgb {
-        self.base_color * self.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv)) * self.value
+        self.unscaled_color(uv) * self.value
+    }
+
+    /// Base colour at `uv` at value 1.
+    fn unscaled_color(&self, uv: Vec2) -> Rgb {
+        self.base_color * self.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
     /// Largest channel the base colour takes at value 1.
@@ -119,11 +124,12 @@ impl Material {
     /// The scattering function at `uv`.
     #[must_use]
     pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
-        let color = if self.model == Model::Dielectric { Rgb::ONE } else { self.color(uv) };
+        let base = if self.model == Model::Dielectric { Rgb::ONE } else { self.unscaled_color(uv) };
+        let color = base * self.value;
         match (&self.coat, self.model) {
             (Some(coat), _) => {
-                let sampling = if self.value > 0.0 { self.sampling_value / self.value } else { 1.0 };
-                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo: luminance(color) * sampling, coat })
+                let sampling_albedo = luminance(base) * self.sampling_value;
+                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo, coat })
             }
             (None, Model::Conductor) => Bsdf::Conductor(Conductor { f0: color, ggx: self.ggx }),
             (None, Model::Dielectric) => Bsdf::Dielectric(Dielectric { eta: self.ior, ggx: self.ggx }),

@@ -125,7 +125,14 @@ impl Scene {
         let uv: Vec2 = self.mesh.uvs[i] * w + self.mesh.uvs[j] * u + self.mesh.uvs[k] * v;
         let material = self.mesh.materials[triangle];
         let bsdf = self.materials[material as usize].bsdf(uv);
-        let si = SurfaceInteraction { p, ng, frame: Frame::from_normal(ns), bsdf, triangle: hit.prim };
+        let si = SurfaceInteraction {
+            p,
+            p_error: interaction::rounding_of([a, b, c]),
+            ng,
+            frame: Frame::from_normal(ns),
+            bsdf,
+            triangle: hit.prim,
+        };
         Some(SurfaceHit { t: hit.t, uv, material, si })
     }
 

@@ -3,6 +3,9 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod basket;
+mod bsdf;
+mod light;
+mod spawn;
 mod transport;
 mod weights;
 
