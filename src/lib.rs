@@ -24,6 +24,7 @@
 //! | [`bsdf`], [`light`], [`camera`], [`sampler`] | the parts of light transport |
 //! | [`scene`] | OBJ, MTL and sidecar; what an integrator asks of geometry |
 //! | [`film`] | contributions to pictures; EXR, PNG |
+//! | [`export`] | the scene for other renderers |
 //! | [`integrator`] | path tracing, bidirectional path tracing |
 //! | [`params`] | the free variables, their bounds and start |
 //! | [`objective`] | f_q, its terms and targets |
@@ -94,6 +95,7 @@ pub mod camera;
 pub mod cli;
 pub mod design;
 pub mod embree;
+pub mod export;
 pub mod files;
 pub mod film;
 pub mod integrator;

@@ -71,6 +71,18 @@ impl Camera {
         self.forward
     }
 
+    /// Unit vector toward the top of the picture.
+    #[must_use]
+    pub fn up(&self) -> Vec3 {
+        self.up
+    }
+
+    /// Vertical field of view, degrees.
+    #[must_use]
+    pub fn vfov(&self) -> f32 {
+        2.0 * self.half.y.atan().to_degrees()
+    }
+
     /// Unit direction of the ray through a raster position.
     #[must_use]
     pub fn direction(&self, raster: Vec2) -> Vec3 {

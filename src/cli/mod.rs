@@ -2,6 +2,7 @@
 
 mod common;
 pub mod evaluate;
+pub mod export;
 mod progress;
 pub mod render;
 pub mod run;
@@ -26,6 +27,7 @@ enum Command {
     Run(run::RunArgs),
     Render(render::RenderArgs),
     Evaluate(evaluate::EvaluateArgs),
+    Export(export::ExportArgs),
 }
 
 /// Runs the subcommand.
@@ -37,6 +39,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args),
         Command::Render(args) => render::render(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
+        Command::Export(args) => export::export(args),
     }
 }
 

@@ -32,7 +32,8 @@ pub struct Material {
     model: Model,
     base_color: Rgb,
     texture: Option<Arc<Texture>>,
-    ggx: Option<Ggx>,
+    /// GGX slope; `None` is smooth.
+    alpha: Option<f32>,
     ior: f32,
     coat: Option<Arc<Coat>>,
     /// Factor on the base colour: 1, or the background's value.
@@ -78,7 +79,7 @@ impl Material {
             model: params.model,
             base_color: params.base_color,
             texture: params.texture,
-            ggx: alpha.map(Ggx::new),
+            alpha,
             ior: params.ior,
             coat: (params.model == Model::Plastic).then(|| coats.get(params.ior, alpha)),
             value: 1.0,
@@ -90,6 +91,30 @@ impl Material {
     #[must_use]
     pub fn model(&self) -> Model {
         self.model
+    }
+
+    /// GGX slope; `None` is smooth.
+    #[must_use]
+    pub fn alpha(&self) -> Option<f32> {
+        self.alpha
+    }
+
+    /// IOR of a dielectric or of a coat, over that of air.
+    #[must_use]
+    pub fn ior(&self) -> f32 {
+        self.ior
+    }
+
+    /// Base colour without its texture, value included.
+    #[must_use]
+    pub fn tint(&self) -> Rgb {
+        self.base_color * self.value
+    }
+
+    /// Image that multiplies the tint.
+    #[must_use]
+    pub fn texture(&self) -> Option<&Texture> {
+        self.texture.as_deref()
     }
 
     /// Sets the factor on the base colour, and the largest it will ever take.
@@ -124,6 +149,7 @@ impl Material {
     /// The scattering function at `uv`.
     #[must_use]
     pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
+        let ggx = self.alpha.map(Ggx::new);
         let base = if self.model == Model::Dielectric { Rgb::ONE } else { self.unscaled_color(uv) };
         let color = base * self.value;
         match (&self.coat, self.model) {
@@ -131,8 +157,8 @@ impl Material {
                 let sampling_albedo = luminance(base) * self.sampling_value;
                 Bsdf::Plastic(Plastic { albedo: color, sampling_albedo, coat })
             }
-            (None, Model::Conductor) => Bsdf::Conductor(Conductor { f0: color, ggx: self.ggx }),
-            (None, Model::Dielectric) => Bsdf::Dielectric(Dielectric { eta: self.ior, ggx: self.ggx }),
+            (None, Model::Conductor) => Bsdf::Conductor(Conductor { f0: color, ggx }),
+            (None, Model::Dielectric) => Bsdf::Dielectric(Dielectric { eta: self.ior, ggx }),
             (None, _) => Bsdf::Diffuse(Diffuse { albedo: color }),
         }
     }

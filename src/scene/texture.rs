@@ -54,6 +54,18 @@ impl Texture {
         top.lerp(bottom, fy)
     }
 
+    /// Width and height, texels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// Linear values, row-major from the top left.
+    #[must_use]
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
     /// Largest channel of any texel.
     #[must_use]
     pub fn max_component(&self) -> f32 {

@@ -4,4 +4,5 @@
 #![allow(clippy::unwrap_used)]
 
 mod evaluate;
+mod export;
 mod exr_bytes;

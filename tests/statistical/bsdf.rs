@@ -556,7 +556,11 @@ fn scattering_is_affine_in_the_base_colour() {
         assert_eq!(rough(a).pdf(wo, wi), rough(Rgb::ONE).pdf(wo, wi));
         // Also of a material whose value changes, down to none.
         let material = |value: f32| {
-            let mut m = Material::new("varnish".into(), params(Model::Plastic, [0.6, 0.3, 0.1], 0.4));
+            let mut m = Material::new(
+                "varnish".into(),
+                params(Model::Plastic, [0.6, 0.3, 0.1], 0.4),
+                &mut Coats::default(),
+            );
             m.set_value(value, 1.5);
             m
         };

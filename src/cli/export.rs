@@ -1,0 +1,77 @@
+//! `export`: a scene for another renderer.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use glam::UVec2;
+
+use super::{
+    common::{load_scene, parse_size},
+    progress::Console,
+};
+use crate::{audit::lights::Lighting, design::Reporter, export::mitsuba};
+
+/// Renderers that scenes can be exported to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Mitsuba 3: scene.xml, meshes and textures; render with `mitsuba -m llvm_ad_rgb`
+    Mitsuba,
+}
+
+/// Write a scene, as it is lit, for another renderer
+///
+/// The other renderer then converges to the picture that `render` makes; a light or material
+/// that it cannot represent exactly is refused or warned about.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree export --format mitsuba -o basket fruit_basket.obj\n  \
+    mitsuba -m llvm_ad_rgb -Dspp=256 -o basket.exr basket/scene.xml")]
+pub struct ExportArgs {
+    /// Scene to export: Wavefront OBJ with its sidecar
+    #[arg(value_name = "SCENE.obj")]
+    pub scene: PathBuf,
+
+    /// Renderer to export to
+    #[arg(long, value_enum)]
+    pub format: Format,
+
+    /// Directory to write to; made if it is not there
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+
+    /// Lighting to use, as `run` writes it
+    #[arg(long, value_name = "FILE")]
+    pub lights: Option<PathBuf>,
+
+    /// Size of the picture, pixels [default: the sidecar's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<UVec2>,
+
+    /// Edges of the longest light path after the camera; 1 shows the lights only
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
+    pub max_depth: u8,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When the scene or the lighting is wrong, cannot be represented, or cannot be written.
+pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
+    let console = Console::new();
+    let mut scene = load_scene(&args.scene, None, |w| console.note(w))?;
+    if let Some(path) = &args.lights {
+        Lighting::load(path)?.apply(&mut scene, path)?;
+    }
+    if let Some(size) = args.size {
+        scene.camera.resize(size);
+    }
+    let warnings = match args.format {
+        Format::Mitsuba => mitsuba::write(&scene, usize::from(args.max_depth), &args.output)?,
+    };
+    console.finish();
+    for warning in warnings {
+        console.note(&warning);
+    }
+    console.note(&format!("wrote {}", args.output.join("scene.xml").display()));
+    Ok(())
+}

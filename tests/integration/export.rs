@@ -1,0 +1,176 @@
+//! `lightopt-embree export`.
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use predicates::prelude::*;
+use predicates::str::contains;
+use tempfile::TempDir;
+
+/// Two triangles under a name that is no file name, one textured under another.
+const OBJ: &str = "mtllib s.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 1
+o quad
+usemtl a/b<&>
+f 1 2 3 4
+o one
+usemtl image
+f 1/1 2/2 3/2
+";
+const MTL: &str = "newmtl a/b<&>
+Kd 0.5 0.25 0.125
+Ks 0.04 0.04 0.04
+Ni 1.5
+Pr 0.5
+newmtl image
+Kd 0.5 0.5 0.5
+map_Kd t.png
+illum 1
+newmtl unused
+Kd 1 1 1
+";
+const SIDECAR: &str = "schema = 1
+[camera]
+position = [0.0, 0.0, 3.0]
+look_at = [0.0, 0.0, 0.0]
+vfov = 40.0
+size = [32, 24]
+[main_object]
+objects = [\"quad\"]
+";
+const DISK: &str = "[[lights]]
+name = \"key\"
+type = \"disk\"
+position = [0.0, 2.0, 2.0]
+look_at = [0.0, 0.0, 0.0]
+radius = 0.5
+radiance = 3.0
+";
+
+fn scene(lights: &str) -> TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(directory.path().join(name), text).unwrap();
+    write("s.obj", OBJ);
+    write("s.mtl", MTL);
+    write("s.toml", &format!("{SIDECAR}{lights}"));
+    image::RgbImage::from_pixel(3, 2, image::Rgb([255, 0, 0])).save(directory.path().join("t.png")).unwrap();
+    directory
+}
+
+fn export(directory: &Path) -> Command {
+    let mut command = Command::cargo_bin("lightopt-embree").unwrap();
+    command.current_dir(directory).args(["export", "--format", "mitsuba", "-o", "out", "s.obj"]);
+    command
+}
+
+/// Numbers of vertices and faces, and bytes after the header.
+fn ply(path: &Path) -> (usize, usize, usize) {
+    let bytes = fs::read(path).unwrap();
+    let end = b"end_header\n";
+    let body = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
+    let header = std::str::from_utf8(&bytes[..body]).unwrap();
+    let count = |element: &str| {
+        let line = header.lines().find_map(|l| l.strip_prefix(&format!("element {element} ")));
+        line.unwrap().parse::<usize>().unwrap()
+    };
+    (count("vertex"), count("face"), bytes.len() - body)
+}
+
+/// Fails unless tags nest and attributes are quoted.
+fn assert_well_formed(xml: &str) {
+    let mut open = Vec::new();
+    let mut rest = xml;
+    while let Some(start) = rest.find('<') {
+        assert!(!rest[..start].contains(['>', '&']), "stray text before {}", &rest[start..]);
+        let end = start + rest[start..].find('>').expect("a tag ends");
+        let tag = &rest[start + 1..end];
+        rest = &rest[end + 1..];
+        if tag.starts_with('?') || tag.starts_with('!') {
+            continue;
+        }
+        assert_eq!(tag.matches('"').count() % 2, 0, "{tag}");
+        assert!(!tag.contains(['<', '&']), "{tag}");
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name));
+        } else if !tag.ends_with('/') {
+            open.push(tag.split(' ').next().unwrap());
+        }
+    }
+    assert!(open.is_empty(), "{open:?} are not closed");
+}
+
+#[test]
+fn a_scene_becomes_xml_with_a_mesh_per_material_and_baked_textures() {
+    let directory = scene(DISK);
+    export(directory.path()).args(["--size", "20x10", "--max-depth", "5"]).assert().success();
+    let out = directory.path().join("out");
+    let mut names: Vec<String> =
+        fs::read_dir(&out).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["00_a_b___.ply", "01_image.exr", "01_image.ply", "scene.xml"]);
+
+    let xml = fs::read_to_string(out.join("scene.xml")).unwrap();
+    assert_well_formed(&xml);
+    for part in [
+        "<integrator type=\"volpath\">",
+        "name=\"max_depth\" value=\"5\"",
+        "name=\"width\" value=\"20\"",
+        "name=\"alpha\" value=\"0.25\"",
+        "value=\"0.5, 0.25, 0.125\"",
+        "value=\"01_image.exr\"",
+        "<shape type=\"disk\">",
+        "<bsdf type=\"null\"/>",
+    ] {
+        assert!(xml.contains(part), "{part} is not in\n{xml}");
+    }
+
+    for (name, faces) in [("00_a_b___.ply", 2), ("01_image.ply", 1)] {
+        let (n_vertices, n_faces, n_bytes) = ply(&out.join(name));
+        assert_eq!(n_faces, faces);
+        assert!((3..=3 * faces).contains(&n_vertices));
+        assert_eq!(n_bytes, n_vertices * 8 * 4 + n_faces * (1 + 3 * 4));
+    }
+    let texture = lightopt_embree::film::image_file::read_image(&out.join("01_image.exr")).unwrap();
+    assert_eq!((texture.width, texture.height), (3, 2));
+    assert_eq!(texture.rgb, vec![[0.5, 0.0, 0.0]; 6]);
+}
+
+#[test]
+fn a_lighting_that_was_found_is_exported() {
+    let directory = scene(DISK);
+    let lights = "schema = 1\n[[lights]]\nname = \"key\"\nradiance = 7.0\nsize = 0.5\n";
+    fs::write(directory.path().join("lights.toml"), lights).unwrap();
+    export(directory.path()).args(["--lights", "lights.toml"]).assert().success();
+    let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
+    assert!(xml.contains("name=\"radiance\" value=\"7, 7, 7\""), "{xml}");
+}
+
+#[test]
+fn what_cannot_be_represented_is_refused_before_anything_is_written() {
+    let spot = DISK.replace("\"disk\"", "\"spot\"") + "angle = 30.0\n";
+    let directory = scene(&spot);
+    export(directory.path()).assert().code(1).stderr(contains("key").and(contains("spot")));
+    assert!(!directory.path().join("out").exists());
+
+    let other = DISK.replace("\"key\"", "\"hidden\"") + "camera_visible = false\n";
+    let directory = scene(&format!("{DISK}{other}"));
+    export(directory.path()).assert().code(1).stderr(contains("hidden").and(contains("camera_visible")));
+    let directory = scene(&other);
+    export(directory.path()).assert().success();
+    let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
+    assert!(xml.contains("name=\"hide_emitters\" value=\"true\""), "{xml}");
+}
+
+#[test]
+fn a_wrong_format_is_a_usage_error() {
+    for format in [&["--format", "povray"][..], &[]] {
+        let mut command = Command::cargo_bin("lightopt-embree").unwrap();
+        command.args(["export", "-o", "out", "s.obj"]).args(format);
+        command.assert().code(2).stderr(contains("mitsuba").or(contains("--format")));
+    }
+}

@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+"""Compares our pictures with Mitsuba 3's, scene by scene.
+
+    python3 -m venv target/mitsuba && target/mitsuba/bin/pip install -r tests/mitsuba/requirements.txt
+    cargo build --release && target/mitsuba/bin/python tests/mitsuba/compare.py
+
+Each scene is exported by the program, rendered by both with several seeds, and judged by
+statistics: every pixel and channel by a z-test at level 0.01 with Sidak correction, and the
+mean of the picture within 0.3 %. One line a scene; exit status 1 when one differs. On failure
+both pictures and the map of z are written to target/test-out/mitsuba.
+
+The variances are those of the means over the seeds, not below the picture's median, as in
+tests/support/compare.rs; with so few seeds a ratio follows Student's t, so it is first turned
+into the normal deviate of the same probability.
+"""
+
+import argparse
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import NormalDist
+
+import mitsuba as mi
+import numpy as np
+import OpenEXR
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+ALPHA = 0.01
+MAX_MEAN_DIFFERENCE = 0.003
+# A mean known no better than this cannot be judged.
+MAX_MEAN_ERROR = 0.001
+
+# Name: samples per pixel of a seed, ours and Mitsuba's. Noisy scenes have more.
+SCENES = {
+    "cornell": (256, 512),
+    "glossy_floor": (256, 512),
+    "smooth_plastic": (256, 512),
+    "rough_conductor": (256, 512),
+    "caustic": (256, 2048),
+    "smooth_glass": (256, 2048),
+    "rough_glass": (256, 1024),
+    "smooth_normals": (256, 512),
+    "lights_in_line": (256, 512),
+    "textured": (256, 512),
+    "point_light": (256, 512),
+    "fruit_basket": (256, 512),
+}
+
+
+class Moments:
+    """Mean and variance of the mean over equal renders, per pixel and of the whole picture."""
+
+    def __init__(self, images):
+        stack = np.stack([i.astype(np.float64) for i in images])
+        n = len(stack)
+        self.n = n
+        self.mean = stack.mean(0)
+        self.variance = stack.var(0, ddof=1) / n
+        totals = stack.mean((1, 2, 3))
+        self.total = totals.mean()
+        self.total_variance = totals.var(ddof=1) / n
+
+
+def scene_file(name):
+    ours = HERE / "scenes" / f"{name}.obj"
+    return ours if ours.exists() else ROOT / "scenes" / f"{name}.obj"
+
+
+def run(program, *args):
+    done = subprocess.run([program, *map(str, args)], capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"{program} {' '.join(map(str, args))}: {done.stderr.strip()}")
+
+
+def ours(program, name, size, spp, seeds, integrator, directory):
+    images = []
+    for seed in range(seeds):
+        path = directory / "ours.exr"
+        run(program, "render", scene_file(name), f"--{integrator}", "--size", size, "--spp", spp,
+            "--seed", 1000 + seed, "-o", path)
+        channels = OpenEXR.File(str(path), separate_channels=True).parts[0].channels
+        images.append(np.stack([channels[c].pixels for c in "RGB"], axis=-1))
+    return Moments(images)
+
+
+def theirs(program, name, size, spp, seeds, directory):
+    out = directory / name
+    run(program, "export", "--format", "mitsuba", "--size", size, "-o", out, scene_file(name))
+    scene = mi.load_file(str(out / "scene.xml"))
+    return Moments([np.array(mi.render(scene, spp=spp, seed=7000 + seed)) for seed in range(seeds)])
+
+
+def normal_deviate(t, dof):
+    """The normal deviate as probable as Student's t: D. Wallace, Ann. Math. Stat. 30, 1959, eq. 4.3."""
+    return np.sign(t) * (8 * dof + 1) / (8 * dof + 3) * np.sqrt(dof * np.log1p(t * t / dof))
+
+
+def z_map(a, b):
+    variance = a.variance + b.variance
+    floor = max(np.median(variance), 1e-30)
+    # Welch's degrees of freedom; those of a pixel at the floor are many.
+    dof = np.maximum(variance, floor) ** 2 / np.maximum(
+        a.variance**2 / (a.n - 1) + b.variance**2 / (b.n - 1), 1e-60)
+    return normal_deviate((a.mean - b.mean) / np.sqrt(np.maximum(variance, floor)), np.minimum(dof, 1e6))
+
+
+def write_failure(name, a, b, z):
+    directory = ROOT / "target" / "test-out" / "mitsuba"
+    directory.mkdir(parents=True, exist_ok=True)
+    zc = z.mean(-1)
+    pictures = {"ours": a.mean, "mitsuba": b.mean, "z": np.stack([zc, abs(zc) * 0, -zc], -1) / 5}
+    for kind, picture in pictures.items():
+        bitmap = mi.Bitmap(np.maximum(picture, 0).astype(np.float32))
+        bitmap.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, True).write(
+            str(directory / f"{name}-{kind}.png"))
+
+
+def compare(args, name, directory):
+    start = time.monotonic()
+    our_spp, their_spp = (max(16, int(n * args.scale)) for n in SCENES[name])
+    a = ours(args.program, name, args.size, our_spp, args.seeds, args.integrator, directory)
+    middle = time.monotonic()
+    b = theirs(args.program, name, args.size, their_spp, args.seeds, directory)
+    end = time.monotonic()
+
+    z = z_map(a, b)
+    n = z.size
+    threshold = NormalDist().inv_cdf(1 - (1 - (1 - ALPHA) ** (1 / n)) / 2)
+    worst = np.abs(z).max()
+    within = np.mean(np.abs(z) < NormalDist().inv_cdf(1 - ALPHA / 2))
+    difference = a.total / b.total - 1
+    error = math.sqrt(a.total_variance + b.total_variance) / b.total
+    faults = []
+    if worst > threshold:
+        faults.append(f"{np.count_nonzero(np.abs(z) > threshold)} values differ")
+    if abs(difference) > MAX_MEAN_DIFFERENCE:
+        faults.append("means differ")
+    if error > MAX_MEAN_ERROR and not args.quick:
+        faults.append("too noisy to judge the mean")
+    print(f"{name:<16} {100 * difference:+8.3f} % {100 * error:7.3f} % {100 * within:9.2f} % "
+          f"{np.sqrt(np.mean(z * z)):7.3f} {worst:8.2f} {threshold:6.2f} "
+          f"{middle - start:6.0f} s {end - middle:6.0f} s  {'; '.join(faults) or 'same'}", flush=True)
+    if faults:
+        write_failure(name, a, b, z)
+    return not faults
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", metavar="NAME", action="append", choices=SCENES, help="this scene (repeatable)")
+    parser.add_argument("--quick", action="store_true", help="an eighth of the samples")
+    parser.add_argument("--size", default="48x36", help="of the pictures (default 48x36)")
+    parser.add_argument("--seeds", type=int, default=16, help="renders of each program (default 16)")
+    parser.add_argument("--integrator", choices=["bdpt", "path"], default="bdpt", help="ours (default bdpt)")
+    parser.add_argument("--program", default=str(ROOT / "target" / "release" / "lightopt-embree"))
+    args = parser.parse_args()
+    args.scale = 0.125 if args.quick else 1.0
+
+    try:
+        mi.set_variant("llvm_ad_rgb")
+        mi.Float(0.0) + 1.0
+    except (ImportError, RuntimeError):
+        mi.set_variant("scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)
+    print(f"Mitsuba {mi.__version__} {mi.variant()}, {args.size}, {args.seeds} seeds, ours: {args.integrator}")
+    print("scene            difference   error  within 99%   rms z  worst z  limit     ours  mitsuba")
+    start = time.monotonic()
+    with tempfile.TemporaryDirectory() as directory:
+        same = [compare(args, name, Path(directory)) for name in args.only or SCENES]
+    print(f"{sum(same)} of {len(same)} scenes agree, {time.monotonic() - start:.0f} s")
+    sys.exit(0 if all(same) else 1)
+
+
+if __name__ == "__main__":
+    main()
