@@ -6,6 +6,7 @@
 //! - \[DLMF\] NIST Digital Library of Mathematical Functions, <https://dlmf.nist.gov>.
 //! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM 1982.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
+//! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*, Pacific
 //!   Graphics short papers, 2014.
 //! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number Generators*,
