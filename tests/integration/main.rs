@@ -5,3 +5,8 @@
 
 mod evaluate;
 mod exr_bytes;
+mod loader;
+mod render;
+mod room;
+mod run;
+mod sidecar;
