@@ -54,6 +54,7 @@
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
+//! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.
 //! - \[More12\] J. Moré, S. Wild, *Estimating Derivatives of Noisy Simulations*, ACM TOMS

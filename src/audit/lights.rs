@@ -122,7 +122,9 @@ impl Lighting {
         for l in &self.lights {
             let Some(i) = scene.lights.iter().position(|s| s.name == l.name) else {
                 let near = nearest(&l.name, scene.lights.iter().map(|s| s.name.as_str()));
-                let hint = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
+                let known = || scene.lights.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
+                let hint = near
+                    .map_or_else(|| format!("; it has {}", known()), |n| format!("; did you mean `{n}`?"));
                 return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
             };
             let ok = l.radiance >= 0.0 && l.radiance.is_finite();

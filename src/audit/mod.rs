@@ -8,7 +8,8 @@
 //!   timing.jsonl        seconds, apart from the above
 //!   iter_0000.exr …     a picture per iteration, see [`picture`]
 //!   initial.exr initial.png final.exr final.png
-//!   lights.toml         the lights found; `render --lights` takes it
+//!   lights.toml         the lights found; `render --lights`, with the run's seed, size
+//!                       and final samples, makes final.exr's picture again
 //! ```
 //!
 //! All but `timing.jsonl` are the same bytes for the same scene, options and
@@ -26,7 +27,10 @@ use std::{
 
 use serde_json::Value;
 
-use crate::files::{atomic::AtomicWriteError, write_atomically};
+use crate::files::{
+    atomic::{AtomicWriteError, probe, temporary_of},
+    write_atomically,
+};
 
 /// The file that makes a directory a run directory.
 pub const MANIFEST: &str = "run.toml";
@@ -63,10 +67,14 @@ impl RunDir {
     /// Checks that a run may be recorded at `path`, without touching it.
     ///
     /// # Errors
-    /// When something is there that `force` does not allow to replace.
+    /// When something is there that `force` does not allow to replace, or
+    /// nothing can be written there.
     pub fn check(path: &Path, force: bool) -> Result<(), AuditError> {
         let is_empty = match fs::read_dir(path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                let parent = path.ancestors().skip(1).find(|p| p.exists()).unwrap_or(Path::new(""));
+                return Ok(probe(&parent.join(MANIFEST))?);
+            }
             Err(source) => {
                 return Err(AuditError::Io { path: path.into(), action: "read the directory", source });
             }
@@ -74,7 +82,7 @@ impl RunDir {
         };
         let is_run = path.join(MANIFEST).exists();
         match (is_empty, is_run, force) {
-            (true, _, _) | (_, true, true) => Ok(()),
+            (true, _, _) | (_, true, true) => Ok(probe(&path.join(MANIFEST))?),
             (_, true, false) => Err(AuditError::Exists { path: path.into() }),
             _ => Err(AuditError::NotARun { path: path.into() }),
         }
@@ -90,7 +98,9 @@ impl RunDir {
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
             let entry = entry.map_err(fail("read the directory"))?;
-            if is_ours(&entry.file_name().to_string_lossy()) {
+            let name = entry.file_name();
+            // The manifest is replaced: without it this would be no run directory.
+            if name != MANIFEST && is_ours(&name.to_string_lossy()) {
                 fs::remove_file(entry.path()).map_err(fail("remove the earlier run"))?;
             }
         }
@@ -150,8 +160,11 @@ impl RunDir {
     }
 }
 
-/// Whether a file name is one that a run writes.
+/// Whether a file name is one that a run writes, or left when it was killed.
 fn is_ours(name: &str) -> bool {
+    if let Some(destination) = temporary_of(name) {
+        return is_ours(destination);
+    }
     const NAMES: [&str; 9] = [
         MANIFEST,
         "evaluations.jsonl",

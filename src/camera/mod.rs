@@ -11,6 +11,15 @@ use glam::{UVec2, Vec2, Vec3};
 
 use crate::math::SolidAnglePdf;
 
+/// Largest film: buffers of every light must fit into memory.
+pub const MAX_PIXELS: u32 = 1 << 26;
+
+/// Whether a film may have this size.
+#[must_use]
+pub fn is_film_size(size: UVec2) -> bool {
+    size.min_element() >= 1 && u64::from(size.x) * u64::from(size.y) <= u64::from(MAX_PIXELS)
+}
+
 /// A perspective camera.
 #[derive(Clone, Debug)]
 pub struct Camera {

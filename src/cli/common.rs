@@ -8,6 +8,7 @@ use glam::UVec2;
 
 use super::LuminanceArg;
 use crate::{
+    camera::{MAX_PIXELS, is_film_size},
     integrator::{Heuristic, Integrator, IntegratorKind},
     sampler::SamplerKind,
     scene::{self, Scene},
@@ -34,7 +35,7 @@ pub struct TransportArgs {
     pub sampler: SamplerKind,
 
     /// Seed of all randomness: the same seed gives the same bytes
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
     pub seed: u64,
 
     /// Threads [default: all processors]; does not change the result
@@ -74,8 +75,10 @@ pub fn parse_size(text: &str) -> Result<UVec2, String> {
     let parsed = text
         .split_once(['x', 'X'])
         .and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)))
-        .filter(|s| s.min_element() >= 1 && s.max_element() <= 65_536);
-    parsed.ok_or_else(|| "must be WIDTHxHEIGHT in pixels, such as 640x480".to_owned())
+        .filter(|&s| is_film_size(s));
+    parsed.ok_or_else(|| {
+        format!("must be WIDTHxHEIGHT in pixels, such as 640x480, at most {MAX_PIXELS} pixels")
+    })
 }
 
 /// Parses a number of samples.
@@ -102,7 +105,8 @@ pub fn load_scene(path: &Path, exposure: Option<f64>, say: impl Fn(&str)) -> any
         scene.exposure = e as f32;
     }
     if scene.lights.is_empty() {
-        bail!("{}: the scene has no lights; add [[lights]] to its sidecar", path.display());
+        let sidecar = scene::builder::find(path)?.with_extension("toml");
+        bail!("{}: `lights`: the scene has no lights; add [[lights]]", sidecar.display());
     }
     Ok(scene)
 }
@@ -120,7 +124,7 @@ mod tests {
     #[test]
     fn sizes_are_two_positive_numbers() {
         assert_eq!(parse_size("64x48"), Ok(UVec2::new(64, 48)));
-        for bad in ["64", "0x4", "4x", "-1x4", "99999x4", "axb"] {
+        for bad in ["64", "0x4", "4x", "-1x4", "65536x65536", "axb"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }
     }

@@ -45,7 +45,7 @@ pub struct EvaluateArgs {
     pub mask: Option<PathBuf>,
 
     /// Factor on linear radiance before display: 2 is one stop brighter [default: as stored, else 1]
-    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
 
     /// Which brightness is measured [default: as stored, else srgb]

@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::{
     design::{Progress, Reporter},
@@ -20,25 +20,24 @@ use crate::{
 /// Set by the first Ctrl-C.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// Makes Ctrl-C end the work in order; the second one ends the program.
+/// Makes Ctrl-C end the work in order, as `what` says; the second one ends the program.
 ///
 /// # Errors
 /// When the handler cannot be installed.
-pub fn catch_interrupts() -> Result<(), ctrlc::Error> {
-    ctrlc::set_handler(|| {
+pub fn catch_interrupts(what: &'static str) -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(move || {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
-        let _ = writeln!(
-            std::io::stderr(),
-            "\ninterrupted: finishing with the best so far (again to quit at once)"
-        );
+        let _ = writeln!(std::io::stderr(), "\ninterrupted: {what} (again to quit at once)");
     })
 }
 
 /// Shows progress.
 pub struct Console {
-    bar: Option<ProgressBar>,
+    is_terminal: bool,
+    /// The bar of the present stage, on a terminal.
+    bar: Mutex<Option<ProgressBar>>,
     stage: Mutex<Stage>,
     rows: AtomicU64,
 }
@@ -61,30 +60,39 @@ impl Console {
     /// Bars when standard error is a terminal.
     #[must_use]
     pub fn new() -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let bar = ProgressBar::new(0);
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        });
         let stage = Stage { name: String::new(), total: None, start: Instant::now(), told: 0 };
-        Self { bar, stage: Mutex::new(stage), rows: AtomicU64::new(0) }
+        Self {
+            is_terminal: std::io::stderr().is_terminal(),
+            bar: Mutex::new(None),
+            stage: Mutex::new(stage),
+            rows: AtomicU64::new(0),
+        }
     }
 
     /// Removes the bar.
     pub fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
+        self.replace_bar(None);
+    }
+
+    fn replace_bar(&self, new: Option<ProgressBar>) {
+        let Ok(mut bar) = self.bar.lock() else { return };
+        if let Some(old) = std::mem::replace(&mut *bar, new) {
+            old.finish_and_clear();
+        }
+        if let Some(bar) = &*bar {
+            // Shown only now that it is complete.
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+            bar.enable_steady_tick(Duration::from_millis(200));
         }
     }
 
     fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.suspend(|| {
-                let _ = writeln!(std::io::stderr(), "{text}");
-            }),
-            None => {
-                let _ = writeln!(std::io::stderr(), "{text}");
-            }
+        let write = || {
+            let _ = writeln!(std::io::stderr(), "{text}");
+        };
+        match self.bar.lock().as_deref() {
+            Ok(Some(bar)) => bar.suspend(write),
+            _ => write(),
         }
     }
 }
@@ -92,8 +100,10 @@ impl Console {
 impl Observer for Console {
     fn advance(&self, rows: u64) {
         let done = self.rows.fetch_add(rows, Ordering::Relaxed) + rows;
-        if let Some(bar) = &self.bar {
-            bar.set_position(done);
+        if self.is_terminal {
+            if let Ok(Some(bar)) = self.bar.try_lock().as_deref() {
+                bar.set_position(done);
+            }
             return;
         }
         let Ok(mut stage) = self.stage.try_lock() else { return };
@@ -124,33 +134,34 @@ impl Reporter for Console {
         if let Ok(mut stage) = self.stage.lock() {
             *stage = Stage { name: name.to_owned(), total: rows, start: Instant::now(), told: 0 };
         }
-        match &self.bar {
-            Some(bar) => {
-                let template = match rows {
-                    Some(_) => "{msg} [{bar:30}] {percent} % {eta} left",
-                    None => "{spinner} {msg} {elapsed}",
-                };
-                if let Ok(style) = ProgressStyle::with_template(template) {
-                    bar.set_style(style.progress_chars("=> "));
-                }
-                bar.reset();
-                bar.set_length(rows.unwrap_or(0));
-                bar.set_message(name.to_owned());
-            }
-            None => self.line(name),
+        if !self.is_terminal {
+            self.line(name);
+            return;
         }
+        let template = match rows {
+            Some(_) => "{msg} [{bar:30}] {percent} %, {eta} left",
+            None => "{spinner} {wide_msg}",
+        };
+        let bar = ProgressBar::with_draw_target(rows, ProgressDrawTarget::hidden());
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        bar.set_message(name.to_owned());
+        self.replace_bar(Some(bar));
     }
 
     fn evaluated(&self, p: &Progress) {
         let elapsed = self.stage.lock().map_or(0.0, |s| s.start.elapsed().as_secs_f64());
         let left = elapsed / f64::from(p.evaluation) * f64::from(p.max_evaluations - p.evaluation);
+        // Short enough for a terminal of 80 columns.
         let text = format!(
-            "evaluation {}/{}, iteration {}: f_q {:.4}, best {:.4}, {} renders, at most {left:.0} s left",
-            p.evaluation, p.max_evaluations, p.iterations, p.f_q, p.best, p.renders
+            "evaluation {}/{}: f_q {:.4}, best {:.4}, {} renders, at most {left:.0} s left",
+            p.evaluation, p.max_evaluations, p.f_q, p.best, p.renders
         );
-        match &self.bar {
-            Some(bar) => bar.set_message(text),
-            None => self.line(&text),
+        if !self.is_terminal {
+            self.line(&text);
+        } else if let Ok(Some(bar)) = self.bar.lock().as_deref() {
+            bar.set_message(text);
         }
     }
 }

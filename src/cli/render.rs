@@ -15,6 +15,7 @@ use super::{
 use crate::{
     audit::{lights::Lighting, picture},
     design::{Camera, Reporter},
+    files::atomic::probe,
     film::{exr::write_exr, image_file::write_png},
     integrator::aov,
     math::display::LuminanceMode,
@@ -24,10 +25,12 @@ use crate::{
 ///
 /// An EXR holds linear radiance with the object mask, albedo, normals, depth and the share of
 /// each light; a PNG is encoded for display.
+///
+/// With the lights.toml, seed, --size and --final-spp of a run this makes its final picture again.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree render -o basket.png fruit_basket.obj\n  \
-    lightopt-embree render --lights runs/fruit_basket-low-key/lights.toml --spp 1024 -o dark.exr fruit_basket.obj")]
+    lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj")]
 pub struct RenderArgs {
     /// Scene to render: Wavefront OBJ with its sidecar
     #[arg(value_name = "SCENE.obj")]
@@ -46,7 +49,7 @@ pub struct RenderArgs {
     pub size: Option<UVec2>,
 
     /// Factor on linear radiance before display [default: the lighting's, else the sidecar's]
-    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
 
     /// File to write: .exr or .png [default: SCENE.exr]
@@ -76,8 +79,9 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     if let Some(parent) = output.parent().filter(|p| !p.as_os_str().is_empty() && !p.is_dir()) {
         bail!("{}: no such directory", parent.display());
     }
+    probe(&output)?;
     let console = Console::new();
-    catch_interrupts()?;
+    catch_interrupts("stopping")?;
     let result = args.transport.in_pool(|| {
         let mut scene = load_scene(&args.scene, None, |w| console.note(w))?;
         if let Some(path) = &args.lights {

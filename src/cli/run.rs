@@ -28,7 +28,7 @@ use crate::{
 /// Closeness is f_q, a weighted sum of six terms (see `evaluate --help`); lower is better.
 ///
 /// SCENE.obj needs a sidecar SCENE.toml beside it that gives camera, main object and lights.
-/// A name that is not found is also sought in scenes/.
+/// A name that is not found is also sought in scenes/; `.obj` may be left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree run fruit_basket.obj\n  \
@@ -51,7 +51,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Replace an earlier run in that directory
+    /// Replace an earlier run in that directory; files of others stay
     #[arg(long)]
     pub force: bool,
 
@@ -84,7 +84,7 @@ pub struct RunArgs {
     pub max_evaluations: u32,
 
     /// Factor on linear radiance before display: 2 is one stop brighter [default: the sidecar's]
-    #[arg(long, value_name = "FACTOR", value_parser = parse_exposure)]
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
 
     /// Which brightness is measured [default: srgb]
@@ -123,7 +123,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     crate::audit::RunDir::check(&out, args.force)?;
     let scene_path = crate::scene::builder::find(&args.scene)?;
     let console = Console::new();
-    catch_interrupts()?;
+    catch_interrupts("finishing with the best so far")?;
     let report = args.transport.in_pool(|| {
         let mut scene = load_scene(&args.scene, args.exposure, |w| console.note(w))?;
         let size = args.size.unwrap_or_else(|| scene.camera.size());

@@ -142,14 +142,14 @@ pub struct Progress {
     pub renders: u64,
 }
 
-/// Independent uses of a run's seed.
+/// Independent uses of a run's seed. The full-size pictures use the seed
+/// itself, so that `render --seed` makes them again.
 #[derive(Clone, Copy, Debug)]
 enum Purpose {
     Survey = 1,
     Optimise,
     Initial,
     Check,
-    Final,
 }
 
 fn seed_for(seed: u64, purpose: Purpose) -> u64 {
@@ -217,7 +217,7 @@ pub fn run(
         seed_for(options.seed, Purpose::Initial),
         check_spp,
         CHECK_REPLICATES,
-        reporter,
+        &Unstoppable(reporter),
     )?;
     renders += 1;
     let initial = shot.measure(&objective)?.estimate;
@@ -257,12 +257,17 @@ pub fn run(
     scene.camera.resize(options.size);
     let finale = Finale { camera: &camera, options, variables: &variables, reporter };
     let spp = (options.final_spp / INITIAL_SHARE).max(1);
+    let fixed_value = 1.0_f32.min(largest_value);
+    let value_at = |x: &[f64]| variables.background_value(x).map_or(fixed_value, |v| v as f32);
     variables.apply(scene, &x0);
+    scene.set_background_value(value_at(&x0), value_at(&x0));
     finale.take(scene, "initial", &x0, spp)?;
     variables.apply(scene, &x);
+    let value = value_at(&x);
+    scene.set_background_value(value, value);
     let last = finale.take(scene, "final", &x, options.final_spp)?;
     renders += 2;
-    let value = variables.variables.iter().position(|v| v.name == "background.value").map(|i| x[i] as f32);
+    let value = (!scene.background.is_empty()).then_some(value);
     write_text(&options.out.join("lights.toml"), &toml::to_string(&Lighting::of(scene, value))?)?;
     let seconds = start.elapsed().as_secs_f64();
     dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
@@ -301,8 +306,7 @@ impl<R: Reporter> Finale<'_, R> {
     /// returns the f_q of what was written.
     fn take(&self, scene: &Scene, name: &str, x: &[f64], spp: u32) -> Result<Evaluation, RunError> {
         self.reporter.stage(&format!("{name} picture"), Some(u64::from(self.options.size.y)));
-        let seed = seed_for(self.options.seed, Purpose::Final);
-        let shot = self.camera.shoot(scene, seed, spp, 1, &Unstoppable(self.reporter))?;
+        let shot = self.camera.shoot(scene, self.options.seed, spp, 1, &Unstoppable(self.reporter))?;
         let aovs = aov::trace(scene);
         let objective = Objective::new(&self.options.target, aovs.width, aovs.height, &aovs.mask)?;
         let evaluation = objective.evaluate(&shot.display());

@@ -83,17 +83,23 @@ pub fn by_differences(
         Search { problem, dir, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
     reporter.stage("optimising", None);
     let start = search.choose(starts)?;
-    search.step = search.find_step(&start)?;
+    match search.find_step(&start) {
+        Ok(step) => search.step = step,
+        Err(RunError::Render(RenderError::Cancelled)) => {
+            return Ok(Found { u: start, evaluations: 0, stop: StopReason::Interrupted });
+        }
+        Err(e) => return Err(e),
+    }
 
     let mut u = start.clone();
     let mut stop = StopReason::NoProgress;
     for (i, Stage { delta, share, first_step }) in STAGES.into_iter().enumerate() {
         let left = budget - search.evaluations;
-        let allowed =
-            if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
         if left == 0 {
             break;
         }
+        let allowed =
+            if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
         let smoothing = Smoothing::with_delta(delta);
         let mut scale = None;
         let mut failure = None;
@@ -143,12 +149,15 @@ impl<R: Reporter> Search<'_, R> {
         Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
     }
 
-    /// The start with the least f_q.
+    /// The start with the least f_q; after an interrupt, of those measured.
     fn choose(&mut self, starts: &[(String, Vec<f64>)]) -> Result<Vec<f64>, RunError> {
         let mut best: Option<(f64, &(String, Vec<f64>))> = None;
         for start in starts {
-            let f_q =
-                self.shoot(&start.1, Purpose::Optimise)?.smoothed(self.problem.objective, &Smoothing::NONE);
+            let shot = match self.shoot(&start.1, Purpose::Optimise) {
+                Err(RunError::Render(RenderError::Cancelled)) => break,
+                shot => shot?,
+            };
+            let f_q = shot.smoothed(self.problem.objective, &Smoothing::NONE);
             self.dir.log_evaluation(&json!({
                 "start": start.0,
                 "x": self.problem.variables.named(&self.problem.variables.decode(&start.1)),
@@ -159,7 +168,10 @@ impl<R: Reporter> Search<'_, R> {
                 best = Some((f_q, start));
             }
         }
-        let Some((f_q, (name, u))) = best else { return Err(OptimError::NoVariables.into()) };
+        let Some((f_q, (name, u))) = best else {
+            // Interrupted before the first was measured.
+            return starts.first().map(|(_, u)| u.clone()).ok_or(OptimError::NoVariables.into());
+        };
         self.reporter
             .note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
         Ok(u.clone())

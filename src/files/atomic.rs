@@ -91,6 +91,40 @@ where
     Ok(result)
 }
 
+/// The destination's name, when `name` is that of a temporary file.
+#[must_use]
+pub fn temporary_of(name: &str) -> Option<&str> {
+    let (destination, id) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
+    let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
+    let (process, count) = id.split_once('-')?;
+    (is_number(process) && is_number(count)).then_some(destination)
+}
+
+/// Finds out whether `path` can be written, before long work ends there.
+///
+/// # Errors
+/// What would stop [`write_atomically`].
+pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
+    if path.is_dir() {
+        let source = io::Error::new(io::ErrorKind::IsADirectory, "it is a directory");
+        return Err(AtomicWriteError { path: path.into(), action: "create the file", source });
+    }
+    enum Probe {
+        Possible,
+        Failed(AtomicWriteError),
+    }
+    impl From<AtomicWriteError> for Probe {
+        fn from(e: AtomicWriteError) -> Self {
+            Self::Failed(e)
+        }
+    }
+    // The error ends the writing before the destination is replaced.
+    match write_atomically(path, |_| Err::<(), _>(Probe::Possible)) {
+        Ok(()) | Err(Probe::Possible) => Ok(()),
+        Err(Probe::Failed(e)) => Err(e),
+    }
+}
+
 /// Makes the new name survive a power cut.
 #[cfg(unix)]
 fn sync_directory(directory: &Path) -> io::Result<()> {

@@ -5,10 +5,16 @@
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // 0.7: typing errors in words of this length stay above, unrelated words below.
     const MEANT: f64 = 0.7;
+    const ONE_SLIP: f64 = 0.9;
     let lower = word.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
     for candidate in candidates {
-        let score = strsim::jaro_winkler(&lower, &candidate.to_lowercase());
+        let candidate_lower = candidate.to_lowercase();
+        let mut score = strsim::jaro_winkler(&lower, &candidate_lower);
+        // One slip in a short word, such as two letters swapped, is much to Jaro.
+        if lower.chars().count() >= 3 && strsim::osa_distance(&lower, &candidate_lower) == 1 {
+            score = score.max(ONE_SLIP);
+        }
         if score >= MEANT && best.is_none_or(|(b, _)| score > b) {
             best = Some((score, candidate));
         }
@@ -27,5 +33,6 @@ mod tests {
         assert_eq!(nearest("t_mean_back", known), Some("t_meanBack"));
         assert_eq!(nearest("wieghts", known), Some("weights"));
         assert_eq!(nearest("qq", known), None);
+        assert_eq!(nearest("bxo", ["wall", "box", "floor"]), Some("box"));
     }
 }

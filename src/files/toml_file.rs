@@ -24,14 +24,42 @@ pub struct TomlError {
 /// With the line, and for an unknown key the nearest one that is allowed.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, TomlError> {
     toml::from_str(text).map_err(|e| {
-        let line = e.span().map_or(1, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
-        TomlError { path: path.to_path_buf(), line, message: explain(e.message()) }
+        let before = e.span().and_then(|s| text.get(..s.start)).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let message = explain(e.message());
+        // serde says what a wrong value is, but not of which key.
+        let is_value = ["invalid type", "invalid value", "invalid length", "unknown variant", "wanted"];
+        let key = key_at(text, before).filter(|_| is_value.iter().any(|k| e.message().starts_with(k)));
+        let message = key.map_or_else(|| message.clone(), |key| format!("`{key}`: {message}"));
+        TomlError { path: path.to_path_buf(), line, message }
     })
+}
+
+/// The key whose value stands behind `before`, with its table.
+fn key_at(text: &str, before: &str) -> Option<String> {
+    let line = before.matches('\n').count();
+    let lines: Vec<&str> = text.lines().take(line + 1).map(str::trim).collect();
+    let begins_with_letter = |s: &str| s.starts_with(|c: char| c.is_alphabetic());
+    // A value may stand some lines below its key.
+    let (at, key) = lines.iter().enumerate().rev().find_map(|(i, l)| {
+        let (key, _) = l.split_once('=')?;
+        begins_with_letter(key).then(|| (i, key.trim()))
+    })?;
+    let table = lines[..at].iter().rev().find_map(|l| {
+        let name = l.strip_prefix('[')?.trim_start_matches('[').split(']').next()?;
+        begins_with_letter(name).then_some(name)
+    });
+    Some(table.map_or_else(|| key.to_owned(), |table| format!("{table}.{key}")))
 }
 
 /// Rewrites serde's list of expected names as the nearest one.
 fn explain(message: &str) -> String {
-    let message = message.trim().replace('\n', "; ");
+    let message = message
+        .trim()
+        .replace('\n', "; ")
+        .replace("expected f32", "expected a number")
+        .replace("expected u32", "expected a whole number")
+        .replace("wanted string or table", "expected a string");
     let mut names = message.split('`').skip(1).step_by(2);
     let (Some(found), true) = (names.next(), message.starts_with("unknown")) else { return message };
     let allowed: Vec<&str> = names.collect();

@@ -128,6 +128,13 @@ impl ParamVector {
         self.variables.iter().zip(values).map(|(v, &x)| (v.name.clone(), x.into())).collect()
     }
 
+    /// The background's value factor, when it is free.
+    #[must_use]
+    pub fn background_value(&self, values: &[f64]) -> Option<f64> {
+        let i = self.variables.iter().position(|v| v.kind == VariableKind::Background)?;
+        values.get(i).copied()
+    }
+
     /// Gives a scene the values.
     pub fn apply(&self, scene: &mut Scene, values: &[f64]) {
         for (v, &x) in self.variables.iter().zip(values) {

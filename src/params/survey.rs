@@ -52,16 +52,16 @@ pub enum SurveyError {
     NoRoom { light: String, distance: f32 },
 }
 
+/// Least and largest size of a light; `None` without size.
+pub type SizeBounds = Option<[f32; 2]>;
+
 /// Clears room for every light: narrows its size to what the geometry allows.
 /// Returns the size bounds per light (`None` without size) and what changed,
 /// in words.
 ///
 /// # Errors
 /// When there are no lights, or one touches a surface at any size.
-pub fn fit_sizes(
-    scene: &mut Scene,
-    film: UVec2,
-) -> Result<(Vec<Option<[f32; 2]>>, Vec<String>), SurveyError> {
+pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<SizeBounds>, Vec<String>), SurveyError> {
     if scene.lights.is_empty() {
         return Err(SurveyError::NoLights);
     }
@@ -74,7 +74,7 @@ pub fn fit_sizes(
             ranges.push(None);
             continue;
         };
-        if !(hi > 1e-4) {
+        if hi.is_nan() || hi <= 1e-4 {
             return Err(SurveyError::NoRoom { light: name, distance: hi });
         }
         let range = match scene.light_bounds[i].size {
@@ -167,7 +167,7 @@ impl Alike {
 pub fn variables(
     scene: &Scene,
     unit: &Picture,
-    sizes: &[Option<[f32; 2]>],
+    sizes: &[SizeBounds],
     free: &FreeVariables,
     mode: LuminanceMode,
 ) -> Result<ParamVector, SurveyError> {

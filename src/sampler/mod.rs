@@ -105,7 +105,7 @@ impl Sampler {
         self.dimension += 1;
         match self.kind {
             SamplerKind::Sobol => {
-                if d % 4 == 0 {
+                if d.is_multiple_of(4) {
                     let set = d / 4;
                     let pad = u64::from(set / NUM_DIMENSION_SETS_4D);
                     let seed = (self.stream_seed ^ (self.stream_seed >> 32)) as u32;

@@ -12,9 +12,10 @@ use super::{
     material::{Coats, Material, MaterialParams},
     obj,
     sidecar::{LightSpec, LightType, MaterialSpec, Selection, Sidecar},
+    wavefront::{LineError, Part},
 };
 use crate::{
-    camera::Camera,
+    camera::{Camera, MAX_PIXELS, is_film_size},
     embree::EmbreeError,
     files::{nearest, toml_file::TomlError},
     light::{Cone, Light, Outline, Planar, Shape, SizeDensity, Sphere, look_frame},
@@ -25,14 +26,20 @@ use crate::{
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SceneError {
-    #[error("{path}: no such scene, and none in {fallback} either", path = path.display(), fallback = fallback.display())]
-    NotFound { path: PathBuf, fallback: PathBuf },
+    #[error("{path}: no such scene{hint}", path = path.display())]
+    NotFound { path: PathBuf, hint: String },
+    #[error("{path}: is a directory; a scene is a Wavefront .obj file", path = path.display())]
+    Directory { path: PathBuf },
     #[error("{path}: a scene is a Wavefront .obj file", path = path.display())]
     NotObj { path: PathBuf },
     #[error("{path}: cannot read the sidecar, which gives camera, main object and lights", path = path.display())]
     Sidecar { path: PathBuf, source: std::io::Error },
-    #[error("{path}: cannot read OBJ", path = path.display())]
+    #[error("{path}: cannot read the scene", path = path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{path}: cannot read OBJ or MTL", path = path.display())]
     Obj { path: PathBuf, source: tobj::LoadError },
+    #[error("{path}:{line}: {message}", path = path.display())]
+    Line { path: PathBuf, line: usize, message: String },
     #[error("{path}: no triangle in this file", path = path.display())]
     NoTriangles { path: PathBuf },
     #[error("{path}: `{key}`: {message}", path = path.display())]
@@ -43,6 +50,14 @@ pub enum SceneError {
     Texture(#[from] super::texture::TextureError),
     #[error("{path}: cannot build the ray-tracing structure", path = path.display())]
     Embree { path: PathBuf, source: EmbreeError },
+}
+
+impl SceneError {
+    /// What is wrong with a line of a file.
+    #[must_use]
+    pub fn at(path: &Path, LineError { line, message }: LineError) -> Self {
+        Self::Line { path: path.into(), line, message }
+    }
 }
 
 /// Bounds that the sidecar sets on a light's variables.
@@ -58,23 +73,49 @@ pub struct LightBounds {
     pub size_free: bool,
 }
 
-/// Finds a scene file: as given or, for a bare name, in `scenes/`.
+/// Where scenes are sought that are not found as given.
+const LIBRARY: &str = "scenes";
+
+/// Finds a scene file: as given or, for a relative path, in `scenes/`; the
+/// ending `.obj` may be left out.
 ///
 /// # Errors
 /// When there is none, or the file is not an OBJ.
 pub fn find(path: &Path) -> Result<PathBuf, SceneError> {
-    let fallback = Path::new("scenes").join(path);
-    let found = if path.is_file() {
-        path.to_path_buf()
-    } else if path.is_relative() && fallback.is_file() {
-        fallback
-    } else {
-        return Err(SceneError::NotFound { path: path.to_path_buf(), fallback: "scenes/".into() });
+    let mut with_ending = path.as_os_str().to_owned();
+    with_ending.push(".obj");
+    let given = [path.to_path_buf(), with_ending.into()];
+    let sought = given.iter().map(|p| Path::new(LIBRARY).join(p)).filter(|_| path.is_relative());
+    let Some(found) = given.iter().cloned().chain(sought).find(|p| p.is_file()) else {
+        if path.is_dir() {
+            return Err(SceneError::Directory { path: path.into() });
+        }
+        return Err(SceneError::NotFound { path: path.into(), hint: hint(path) });
     };
     if !found.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
         return Err(SceneError::NotObj { path: found });
     }
     Ok(found)
+}
+
+/// The scenes that may have been meant.
+fn hint(path: &Path) -> String {
+    if path.is_absolute() {
+        return String::new();
+    }
+    let is_obj = |n: &String| n.to_lowercase().ends_with(".obj");
+    let list = |dir: &Path| -> Vec<String> {
+        let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+        entries.map(|e| e.file_name().to_string_lossy().into_owned()).filter(is_obj).collect()
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut known = [list(beside), list(Path::new(LIBRARY))].concat();
+    known.sort();
+    match nearest(&name, known.iter().map(String::as_str)) {
+        Some(near) => format!(", and none in {LIBRARY}/ either; did you mean `{near}`?"),
+        None => format!(", and none in {LIBRARY}/ either"),
+    }
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it.
@@ -94,6 +135,9 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
+/// Names listed in a message, at most.
+const MAX_LISTED: usize = 12;
+
 struct Builder<'a> {
     obj_path: &'a Path,
     toml_path: &'a Path,
@@ -111,7 +155,18 @@ impl Builder<'_> {
         Err(self.error(key, format!("must be > 0, got {value}")))
     }
 
+    fn finite(&self, key: &str, value: [f32; 3]) -> Result<(), SceneError> {
+        if value.iter().all(|v| v.is_finite()) {
+            return Ok(());
+        }
+        Err(self.error(key, format!("must be finite, got {value:?}")))
+    }
+
     fn build(&self, sidecar: &Sidecar) -> Result<Scene, SceneError> {
+        if !(0.0..=180.0).contains(&sidecar.crease_angle) {
+            let message = format!("must be in [0, 180] degrees, got {}", sidecar.crease_angle);
+            return Err(self.error("crease_angle", message));
+        }
         let parts = obj::load(self.obj_path, sidecar.crease_angle.to_radians())?;
         let mut warnings = parts.warnings;
         for name in sidecar.materials.keys() {
@@ -133,13 +188,19 @@ impl Builder<'_> {
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;
-        let is_main = self.select_main(&sidecar.main_object, &mesh, &parts.objects, &materials)?;
+        let is_main = self.select_main(&sidecar.main_object, &mesh, &parts.parts, &materials)?;
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
         }
         let mut names = std::collections::HashSet::new();
-        for l in &sidecar.lights {
+        for (i, l) in sidecar.lights.iter().enumerate() {
+            // EXR parts bear the names.
+            let is_plain = l.name.chars().all(|c| c == ' ' || c.is_ascii_graphic());
+            if l.name.trim().is_empty() || l.name.len() > 200 || !is_plain {
+                let message = format!("must be 1 to 200 ASCII characters, got {:?}", l.name);
+                return Err(self.error(format!("lights[{}].name", i + 1), message));
+            }
             if !names.insert(&l.name) {
                 return Err(self.error(format!("lights.{}", l.name), "two lights have this name"));
             }
@@ -148,18 +209,18 @@ impl Builder<'_> {
         let light_bounds =
             sidecar.lights.iter().map(|l| self.light_bounds(sidecar, l)).collect::<Result<_, _>>()?;
         let camera = self.camera(sidecar)?;
-        if let Some([lo, hi]) = sidecar.background.value_range {
-            if !(lo >= 0.0 && lo <= hi && hi.is_finite()) {
-                return Err(self
-                    .error("background.value_range", format!("must be 0 <= min <= max, got [{lo}, {hi}]")));
-            }
+        if let Some([lo, hi]) = sidecar.background.value_range
+            && !(lo >= 0.0 && lo <= hi && hi.is_finite())
+        {
+            let message = format!("must be 0 <= min <= max, got [{lo}, {hi}]");
+            return Err(self.error("background.value_range", message));
         }
         let name =
             self.obj_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
         let scene = Scene::new(&name, mesh, materials, lights, camera)
             .map_err(|source| SceneError::Embree { path: self.obj_path.to_path_buf(), source })?;
         Ok(Scene {
-            objects: parts.objects,
+            parts: parts.parts,
             light_bounds,
             exposure: self.positive("exposure", sidecar.exposure)?,
             is_main,
@@ -206,9 +267,15 @@ impl Builder<'_> {
         name: &str,
         known: impl Iterator<Item = &'n str> + Clone,
     ) -> SceneError {
-        let message = match nearest(name, known.clone()) {
-            Some(near) => format!("no `{name}` in {}; did you mean `{near}`?", self.obj_path.display()),
-            None => format!("no `{name}`: {} names none", self.obj_path.display()),
+        let file = self.obj_path.display();
+        let message = match (nearest(name, known.clone()), known.clone().count()) {
+            (Some(near), _) => format!("no `{name}` in {file}; did you mean `{near}`?"),
+            (None, 0) => format!("no `{name}`: {file} names none"),
+            (None, n) => {
+                let some: Vec<&str> = known.take(MAX_LISTED).collect();
+                let more = if n > MAX_LISTED { ", …" } else { "" };
+                format!("no `{name}` in {file}, which has {}{more}", some.join(", "))
+            }
         };
         self.error(key, message)
     }
@@ -233,14 +300,19 @@ impl Builder<'_> {
         &self,
         selection: &Selection,
         mesh: &super::Mesh,
-        objects: &[String],
+        parts: &[Part],
         materials: &[Material],
     ) -> Result<Vec<bool>, SceneError> {
-        let mut main_object = vec![false; objects.len()];
+        let mut names: Vec<&str> = parts.iter().flat_map(Part::names).collect();
+        names.sort_unstable();
+        names.dedup();
+        let mut main_object = vec![false; parts.len()];
         let mut main_material = vec![false; materials.len()];
         for pattern in &selection.objects {
-            for i in self.matches("main_object.objects", pattern, objects.iter().map(String::as_str))? {
-                main_object[i] = true;
+            for i in self.matches("main_object.objects", pattern, names.iter().copied())? {
+                for (is_main, part) in main_object.iter_mut().zip(parts) {
+                    *is_main |= part.names().any(|n| n == names[i]);
+                }
             }
         }
         for pattern in &selection.materials {
@@ -299,8 +371,14 @@ impl Builder<'_> {
         if !(c.vfov > 0.0 && c.vfov < 180.0) {
             return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
         }
-        if c.size.contains(&0) || c.size.iter().any(|&n| n > 65_536) {
-            return Err(self.error("camera.size", format!("must be 1 to 65536 pixels, got {:?}", c.size)));
+        for (key, value) in
+            [("camera.position", c.position), ("camera.look_at", c.look_at), ("camera.up", c.up)]
+        {
+            self.finite(key, value)?;
+        }
+        if !is_film_size(c.size.into()) {
+            let allowed = format!("must be at least 1 x 1 and at most {MAX_PIXELS} pixels");
+            return Err(self.error("camera.size", format!("{allowed}, got {:?}", c.size)));
         }
         Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
             .ok_or_else(|| self.error("camera.look_at", "must differ from `position` and not lie along `up`"))
@@ -308,11 +386,11 @@ impl Builder<'_> {
 
     fn light_bounds(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightBounds, SceneError> {
         use super::sidecar::FreeKind::{Radiance, Size};
-        if let Some([lo, hi]) = l.size_range {
-            if !(lo > 0.0 && lo <= hi && hi.is_finite()) {
-                let key = format!("lights.{}.size_range", l.name);
-                return Err(self.error(key, format!("must be 0 < min <= max, got [{lo}, {hi}]")));
-            }
+        if let Some([lo, hi]) = l.size_range
+            && !(lo > 0.0 && lo <= hi && hi.is_finite())
+        {
+            let key = format!("lights.{}.size_range", l.name);
+            return Err(self.error(key, format!("must be 0 < min <= max, got [{lo}, {hi}]")));
         }
         if let Some(max) = l.radiance_max {
             self.positive(&format!("lights.{}.radiance_max", l.name), max)?;
@@ -333,20 +411,23 @@ impl Builder<'_> {
             if given { Err(self.error(key(k), format!("only for {kinds}"))) } else { Ok(()) }
         };
         let planar = matches!(l.kind, LightType::Rectangle | LightType::Disk | LightType::Spot);
+        let has_radius = matches!(l.kind, LightType::Disk | LightType::Sphere | LightType::Spot);
         unused("half_extents", l.half_extents.is_some() && l.kind != LightType::Rectangle, "a rectangle")?;
         unused("look_at", l.look_at.is_some() && !planar, "a rectangle, disk or spot")?;
         unused("angle", l.angle.is_some() && l.kind != LightType::Spot, "a spot")?;
         unused("softness", l.softness.is_some() && l.kind != LightType::Spot, "a spot")?;
+        unused("radius", l.radius.is_some() && !has_radius, "a disk, sphere or spot")?;
+        unused("size_range", l.size_range.is_some() && l.kind == LightType::Point, "a light with a size")?;
+        self.finite(&key("position"), l.position)?;
+        self.finite(&key("up"), l.up)?;
         let center = Vec3::from_array(l.position);
-        if !center.is_finite() {
-            return Err(self.error(key("position"), "must be finite"));
-        }
         let radius = |kind: &str| match l.radius {
             Some(r) => self.positive(&key("radius"), r),
             None => Err(missing("radius", kind)),
         };
         let frame = |kind: &str| {
             let target = l.look_at.ok_or_else(|| missing("look_at", kind))?;
+            self.finite(&key("look_at"), target)?;
             let normal = (Vec3::from_array(target) - center)
                 .try_normalize()
                 .ok_or_else(|| self.error(key("look_at"), "must differ from `position`"))?;
@@ -357,7 +438,8 @@ impl Builder<'_> {
             LightType::Sphere => Shape::Sphere(Sphere { center, radius: radius("sphere")? }),
             LightType::Rectangle => {
                 let [a, b] = l.half_extents.ok_or_else(|| missing("half_extents", "rectangle"))?;
-                self.positive(&key("half_extents"), a.min(b))?;
+                self.positive(&key("half_extents"), a)?;
+                self.positive(&key("half_extents"), b)?;
                 Shape::Planar(Planar {
                     center,
                     frame: frame("rectangle")?,

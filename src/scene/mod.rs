@@ -8,6 +8,7 @@ pub mod mesh;
 pub mod obj;
 pub mod sidecar;
 pub mod texture;
+pub mod wavefront;
 
 use glam::{Vec2, Vec3};
 
@@ -35,8 +36,8 @@ pub struct Scene {
     accel: Accel,
     /// Triangles.
     pub mesh: Mesh,
-    /// Object names.
-    pub objects: Vec<String>,
+    /// Names of what triangles belong to, by [`Mesh::objects`].
+    pub parts: Vec<wavefront::Part>,
     /// Materials.
     pub materials: Vec<Material>,
     /// Lights.
@@ -93,7 +94,7 @@ impl Scene {
             accel,
             is_main: vec![true; mesh.indices.len()],
             mesh,
-            objects: Vec::new(),
+            parts: Vec::new(),
             materials,
             light_bounds: vec![builder::LightBounds::default(); lights.len()],
             light_sampler: LightSampler::new(&vec![1.0; lights.len()]),

@@ -8,9 +8,10 @@ use crate::math::Rgb;
 
 /// A texture could not be loaded.
 #[derive(Debug, thiserror::Error)]
-#[error("{path}: cannot read texture: allowed are BMP, HDR, JPEG, PNG, TGA, TIFF and WebP")]
+#[error("{path}: cannot read the texture (`map_Kd` of material `{material}`)", path = path.display())]
 pub struct TextureError {
     path: PathBuf,
+    material: String,
     source: image::ImageError,
 }
 
@@ -24,18 +25,33 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Reads an image file; 8- and 16-bit images are taken to be sRGB-encoded.
+    /// Reads an image file: BMP, HDR, JPEG, PNG, TGA, TIFF or WebP. 8- and
+    /// 16-bit images are taken to be sRGB-encoded. `material` is for messages.
     ///
     /// # Errors
     /// When the file is missing or not an image.
-    pub fn load(path: &Path) -> Result<Self, TextureError> {
-        let image = image::open(path).map_err(|source| TextureError { path: path.to_path_buf(), source })?;
+    pub fn load(path: &Path, material: &str) -> Result<Self, TextureError> {
+        let image = Self::decode(path).map_err(|source| TextureError {
+            path: path.into(),
+            material: material.into(),
+            source,
+        })?;
         let is_linear = matches!(image.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
         let rgb = image.into_rgb32f();
         let (width, height) = (rgb.width() as usize, rgb.height() as usize);
         let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
         let texels = rgb.pixels().map(|p| p.0.map(decode)).collect();
         Ok(Self { width, height, texels })
+    }
+
+    /// By content, else by extension.
+    fn decode(path: &Path) -> Result<image::DynamicImage, image::ImageError> {
+        let image = image::ImageReader::open(path)?.with_guessed_format()?.decode()?;
+        if image.width() == 0 || image.height() == 0 {
+            let empty = std::io::Error::new(std::io::ErrorKind::InvalidData, "the image has no pixels");
+            return Err(image::ImageError::IoError(empty));
+        }
+        Ok(image)
     }
 
     /// Linear value at `uv` (v up, as in OBJ).

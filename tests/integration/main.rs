@@ -6,3 +6,8 @@
 mod evaluate;
 mod export;
 mod exr_bytes;
+mod loader;
+mod render;
+mod room;
+mod run;
+mod sidecar;

@@ -14,7 +14,10 @@ use lightopt_embree::{
         ONE_MINUS_EPSILON, Rgb, luminance,
         stats::{Moments, sidak_z},
     },
-    scene::{Material, material::Model},
+    scene::{
+        Material,
+        material::{Coats, Model},
+    },
 };
 
 use crate::support::{

@@ -1,0 +1,467 @@
+//! Wavefront text made plain before `tobj` reads it.
+//!
+//! `tobj` knows neither line numbers nor which corner lacks a normal, takes
+//! `o` and `g` for the same, and stumbles over comments behind numbers, tabs,
+//! vertex colours on some vertices only, polylines and `Kd` with one number.
+//! Here a file is checked line by line and rewritten such that none of this is
+//! left: absolute indices, triangles, one name per part.
+//!
+//! # References
+//! *Advanced Visualizer* manual, appendix B1 (OBJ); Alias *MTL Material
+//! Format* (MTL). Triangulation: \[Meisters75\] (two ears theorem).
+
+use std::{borrow::Cow, collections::HashMap, fmt::Write as _};
+
+use glam::{Vec2, Vec3};
+
+/// A line that cannot be understood.
+#[derive(Debug, PartialEq, Eq)]
+pub struct LineError {
+    /// Line, from 1.
+    pub line: usize,
+    /// What is wrong with it.
+    pub message: String,
+}
+
+/// Corners of a polygon above which it is not tested for being concave.
+const MAX_CONCAVE: usize = 1000;
+
+/// What a triangle belongs to. An `o` ends the groups before it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Part {
+    /// Name after `o`.
+    pub object: Option<String>,
+    /// Names after `g`, and the whole of several.
+    pub groups: Vec<String>,
+}
+
+impl Part {
+    /// All names that select the part.
+    pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.object.iter().chain(&self.groups).map(String::as_str)
+    }
+}
+
+/// An OBJ in plain words.
+#[derive(Debug, Default)]
+pub struct PlainObj {
+    /// Text for `tobj`. Objects are named by index into `parts`; texture
+    /// coordinate 1 and normal 1 are zero and stand for absent ones.
+    pub text: String,
+    /// What triangles belong to.
+    pub parts: Vec<Part>,
+    /// Names after `usemtl`, each once, with its first line.
+    pub materials: Vec<(usize, String)>,
+    /// Names after `mtllib`, with the line.
+    pub libraries: Vec<(usize, String)>,
+    /// Faces of fewer than three corners.
+    pub n_short: usize,
+    /// Kinds of geometry that are not supported, with their first line.
+    pub unsupported: Vec<(usize, String)>,
+}
+
+/// Splits into lines without comments, joining those that end in `\`;
+/// numbered from 1.
+fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut physical = text.trim_start_matches('\u{feff}').lines().enumerate();
+    std::iter::from_fn(move || {
+        let (i, first) = physical.next()?;
+        let mut line = Cow::Borrowed(first.trim());
+        while let Some(start) = line.strip_suffix('\\') {
+            let next = physical.next().map_or("", |(_, l)| l.trim());
+            line = Cow::Owned(format!("{start} {next}"));
+            if next.is_empty() {
+                break;
+            }
+        }
+        Some((i + 1, line))
+    })
+    .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'))
+}
+
+/// Keyword and rest of a line.
+fn split_keyword(line: &str) -> (&str, &str) {
+    let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    (keyword, rest.trim())
+}
+
+/// Up to `N` numbers and how many there are; a comment may follow.
+fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), String> {
+    let mut out = [0.0; N];
+    let mut n = 0;
+    for word in without_comment(rest).split_whitespace() {
+        let number = word.parse().map_err(|_| format!("`{word}` is not a number"))?;
+        *out.get_mut(n).ok_or_else(|| format!("more than {N} numbers"))? = number;
+        n += 1;
+    }
+    Ok((out, n))
+}
+
+fn without_comment(rest: &str) -> &str {
+    rest.split('#').next().unwrap_or_default()
+}
+
+/// Vertices, texture coordinates and normals so far or in all.
+type Counts = [usize; 3];
+
+/// Positions in the file, and the text of all vertex lines.
+fn vertices(text: &str, out: &mut String) -> Result<(Vec<Vec3>, Counts), LineError> {
+    let mut positions = Vec::new();
+    let mut counts = [0; 3];
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        match keyword {
+            "v" => {
+                let ([x, y, z, w, ..], n) = numbers::<8>(rest).map_err(fail)?;
+                let p = match n {
+                    0..=2 => return Err(fail(format!("needs 3 numbers, got {n}"))),
+                    4 if w == 0.0 => return Err(fail("the weight (4th number) must not be 0".into())),
+                    4 => Vec3::new(x, y, z) / w,
+                    // More are colours.
+                    _ => Vec3::new(x, y, z),
+                };
+                positions.push(p);
+                counts[0] += 1;
+                push(out, format_args!("v {} {} {}\n", p.x, p.y, p.z));
+            }
+            "vt" => {
+                let ([u, v, _], n) = numbers::<3>(rest).map_err(fail)?;
+                if n == 0 {
+                    return Err(fail("needs 1 to 3 numbers, got 0".into()));
+                }
+                counts[1] += 1;
+                push(out, format_args!("vt {u} {v}\n"));
+            }
+            "vn" => {
+                let ([x, y, z], n) = numbers::<3>(rest).map_err(fail)?;
+                if n < 3 {
+                    return Err(fail(format!("needs 3 numbers, got {n}")));
+                }
+                counts[2] += 1;
+                push(out, format_args!("vn {x} {y} {z}\n"));
+            }
+            _ => {}
+        }
+    }
+    Ok((positions, counts))
+}
+
+/// Appends to a string, which does not fail.
+fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
+    let _ = out.write_fmt(arguments);
+}
+
+/// One corner `v/vt/vn` of a face as indices from 0.
+fn corner(word: &str, before: &Counts, total: &Counts) -> Result<[Option<usize>; 3], String> {
+    const WHAT: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+    let mut out = [None; 3];
+    if word.split('/').count() > out.len() {
+        return Err(format!("`{word}` has more than 3 indices"));
+    }
+    if word.starts_with('/') {
+        return Err(format!("`{word}` names no vertex"));
+    }
+    for (i, text) in word.split('/').enumerate() {
+        if text.is_empty() {
+            continue;
+        }
+        let index: i64 = text.parse().map_err(|_| format!("`{word}` is not an index"))?;
+        let from_0 = match index {
+            0 => return Err(format!("`{word}`: indices begin at 1")),
+            1.. => usize::try_from(index - 1).ok(),
+            _ => usize::try_from(index.unsigned_abs()).ok().and_then(|back| before[i].checked_sub(back)),
+        };
+        let from_0 = from_0.filter(|&k| k < total[i]).ok_or_else(|| {
+            let known = if index < 0 { before[i] } else { total[i] };
+            let so_far = if index < 0 { " so far" } else { "" };
+            format!("{} {index} does not exist: the file has {known}{so_far}", WHAT[i])
+        })?;
+        out[i] = Some(from_0);
+    }
+    Ok(out)
+}
+
+/// Checks an OBJ and makes it plain.
+///
+/// # Errors
+/// With the first line that cannot be understood.
+pub fn plain_obj(text: &str) -> Result<PlainObj, LineError> {
+    let mut out = PlainObj { text: String::with_capacity(text.len()), ..PlainObj::default() };
+    out.text.push_str("mtllib all\nvt 0 0\nvn 0 0 0\n");
+    let (positions, total) = vertices(text, &mut out.text)?;
+    let mut before = [0; 3];
+    let mut part = Part::default();
+    let mut ids: HashMap<Part, usize> = HashMap::new();
+    let mut is_new_part = true;
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        match keyword {
+            "v" => before[0] += 1,
+            "vt" => before[1] += 1,
+            "vn" => before[2] += 1,
+            "o" => {
+                let object = (!rest.is_empty()).then(|| rest.to_owned());
+                part = Part { object, groups: Vec::new() };
+                is_new_part = true;
+            }
+            "g" => {
+                part.groups = rest.split_whitespace().map(str::to_owned).collect();
+                if part.groups.len() > 1 {
+                    part.groups.push(rest.to_owned());
+                }
+                is_new_part = true;
+            }
+            "mtllib" => out.libraries.push((line, rest.to_owned())),
+            "usemtl" => {
+                if !rest.is_empty() && !out.materials.iter().any(|(_, m)| m == rest) {
+                    out.materials.push((line, rest.to_owned()));
+                }
+                // `tobj` takes an unknown name for none.
+                let name = if rest.is_empty() { "(none)" } else { rest };
+                push(&mut out.text, format_args!("usemtl {name}\n"));
+            }
+            "f" | "fo" => {
+                let corners = without_comment(rest)
+                    .split_whitespace()
+                    .map(|word| corner(word, &before, &total).map_err(fail))
+                    .collect::<Result<Vec<_>, _>>()?;
+                if corners.len() < 3 {
+                    out.n_short += 1;
+                    continue;
+                }
+                if is_new_part {
+                    let n = ids.len();
+                    let id = *ids.entry(part.clone()).or_insert(n);
+                    if id == n {
+                        out.parts.push(part.clone());
+                    }
+                    push(&mut out.text, format_args!("o {id}\n"));
+                    is_new_part = false;
+                }
+                let polygon: Vec<Vec3> = corners.iter().map(|c| positions[c[0].unwrap_or(0)]).collect();
+                for t in triangulate(&polygon) {
+                    out.text.push('f');
+                    for [v, vt, vn] in t.map(|i| corners[i]) {
+                        // Number 1 stands for absent: see `PlainObj::text`.
+                        let n = |i: Option<usize>| i.map_or(1, |i| i + 2);
+                        push(&mut out.text, format_args!(" {}/{}/{}", v.unwrap_or(0) + 1, n(vt), n(vn)));
+                    }
+                    out.text.push('\n');
+                }
+            }
+            "curv" | "curv2" | "surf" | "call" if !out.unsupported.iter().any(|(_, k)| k == keyword) => {
+                out.unsupported.push((line, keyword.to_owned()));
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+/// Triangles of a polygon: a fan when it is convex, otherwise ears.
+fn triangulate(p: &[Vec3]) -> Vec<[usize; 3]> {
+    let n = p.len();
+    let fan = || (2..n).map(|i| [0, i - 1, i]).collect();
+    if n == 3 {
+        return fan();
+    }
+    // Newell's method: the normal of the least-squares plane.
+    let normal: Vec3 = (0..n).map(|i| p[i].cross(p[(i + 1) % n])).sum();
+    let Some(axis) = normal.try_normalize() else { return fan() };
+    let (s, t) = axis.any_orthonormal_pair();
+    let flat: Vec<Vec2> = p.iter().map(|&q| Vec2::new((q - p[0]).dot(s), (q - p[0]).dot(t))).collect();
+    let turn = |a: usize, b: usize, c: usize| (flat[b] - flat[a]).perp_dot(flat[c] - flat[b]);
+    // Rounding bends straight edges a little; relative to the area.
+    let flatness = -1e-6 * normal.length();
+    if n > MAX_CONCAVE || (0..n).all(|i| turn((i + n - 1) % n, i, (i + 1) % n) >= flatness) {
+        return fan();
+    }
+    let mut left: Vec<usize> = (0..n).collect();
+    let mut out = Vec::with_capacity(n - 2);
+    while left.len() > 3 {
+        let m = left.len();
+        let around = |i: usize| [left[(i + m - 1) % m], left[i], left[(i + 1) % m]];
+        let is_ear = |&i: &usize| {
+            let [a, b, c] = around(i);
+            turn(a, b, c) > 0.0
+                && !left.iter().any(|&q| {
+                    ![a, b, c].contains(&q)
+                        && [flat[a], flat[b], flat[c]].iter().all(|&corner| corner != flat[q])
+                        && turn(a, b, q) >= 0.0
+                        && turn(b, c, q) >= 0.0
+                        && turn(c, a, q) >= 0.0
+                })
+        };
+        // A polygon that crosses itself may have no ear.
+        let ear = (0..m).find(is_ear).unwrap_or(0);
+        out.push(around(ear));
+        left.remove(ear);
+    }
+    out.push([left[0], left[1], left[2]]);
+    out
+}
+
+/// Checks an MTL and makes it plain; also returns facts that a user should
+/// hear of.
+///
+/// # Errors
+/// With the first line that cannot be understood.
+pub fn plain_mtl(text: &str) -> Result<(String, Vec<String>), LineError> {
+    let mut out = String::new();
+    let mut warnings = Vec::new();
+    let mut ignored: Vec<String> = Vec::new();
+    let mut material = None;
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        let key = keyword.to_lowercase();
+        if key == "newmtl" {
+            if rest.is_empty() {
+                return Err(fail("needs a name".into()));
+            }
+            push(&mut out, format_args!("newmtl {rest}\n"));
+            material = Some(rest.to_owned());
+            continue;
+        }
+        let Some(material) = &material else { return Err(fail("stands before any `newmtl`".into())) };
+        let finite = |v: &[f32]| match v.iter().find(|x| !x.is_finite()) {
+            Some(x) => Err(fail(format!("must be finite, got {x}"))),
+            None => Ok(()),
+        };
+        match key.as_str() {
+            "kd" | "ks" | "ke" => {
+                let (c, n) = numbers::<3>(rest).map_err(fail)?;
+                finite(&c)?;
+                let c = match n {
+                    1 => [c[0]; 3],
+                    3 => c,
+                    _ => return Err(fail(format!("needs 3 numbers, got {n}"))),
+                };
+                if key != "ke" {
+                    let name = if key == "kd" { "Kd" } else { "Ks" };
+                    push(&mut out, format_args!("{name} {} {} {}\n", c[0], c[1], c[2]));
+                } else if c != [0.0; 3] {
+                    warnings.push(format!(
+                        "material `{material}`: emission `Ke` is ignored; add a light to the sidecar"
+                    ));
+                }
+            }
+            "ns" | "ni" | "pr" | "pm" | "illum" | "d" | "tr" => {
+                let ([v], n) = numbers::<1>(rest.trim_start_matches("-halo")).map_err(fail)?;
+                finite(&[v])?;
+                if n == 0 {
+                    return Err(fail("needs a number".into()));
+                }
+                let name = match key.as_str() {
+                    "ns" => "Ns",
+                    "ni" => "Ni",
+                    "pr" => "Pr",
+                    "pm" => "Pm",
+                    "illum" => {
+                        if !(0.0..=10.0).contains(&v) {
+                            return Err(fail(format!("must be 0 to 10, got {v}")));
+                        }
+                        push(&mut out, format_args!("illum {}\n", v.round()));
+                        continue;
+                    }
+                    _ => {
+                        let opaque = if key == "d" { 1.0 } else { 0.0 };
+                        if v != opaque {
+                            warnings.push(format!(
+                                "material `{material}`: transparency `{keyword}` is ignored; glass is \
+                                 `illum` 4, 6, 7 or 9"
+                            ));
+                        }
+                        continue;
+                    }
+                };
+                push(&mut out, format_args!("{name} {v}\n"));
+            }
+            "map_kd" => {
+                let (file, had_options) = without_options(rest);
+                if file.is_empty() {
+                    return Err(fail("needs a file".into()));
+                }
+                if had_options {
+                    warnings.push(format!("material `{material}`: the options of `map_Kd` are ignored"));
+                }
+                push(&mut out, format_args!("map_Kd {file}\n"));
+            }
+            _ if is_other_map(&key) && !ignored.contains(&key) => {
+                warnings.push(format!("material `{material}`: `{keyword}` is ignored"));
+                ignored.push(key);
+            }
+            _ => {}
+        }
+    }
+    Ok((out, warnings))
+}
+
+/// Whether a key of an MTL, in lower case, names a map other than `map_Kd`.
+fn is_other_map(key: &str) -> bool {
+    key.starts_with("map_") || ["bump", "norm", "disp", "decal", "refl"].contains(&key)
+}
+
+/// The file name after the options of a texture map, and whether there were any.
+fn without_options(rest: &str) -> (&str, bool) {
+    let mut file = rest;
+    while let Some(option) = file.split_whitespace().next().filter(|w| w.starts_with('-')) {
+        let (least, most) = match option {
+            "-s" | "-o" | "-t" => (1, 3),
+            "-mm" => (2, 2),
+            "-blendu" | "-blendv" | "-cc" | "-clamp" | "-texres" | "-bm" | "-boost" | "-imfchan"
+            | "-type" => (1, 1),
+            _ => break,
+        };
+        file = file[option.len()..].trim_start();
+        for i in 0..most {
+            let Some(word) = file.split_whitespace().next() else { break };
+            if i >= least && word.parse::<f32>().is_err() {
+                break;
+            }
+            file = file[word.len()..].trim_start();
+        }
+    }
+    (file, file.len() < rest.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(p: &[Vec3], triangles: &[[usize; 3]]) -> f32 {
+        triangles.iter().map(|t| 0.5 * (p[t[1]] - p[t[0]]).cross(p[t[2]] - p[t[0]]).length()).sum()
+    }
+
+    #[test]
+    fn concave_polygons_are_covered_once() {
+        let l = [(0., 0.), (4., 0.), (4., 1.), (1., 1.), (1., 3.), (0., 3.)];
+        for first in 0..l.len() {
+            let p: Vec<Vec3> =
+                (0..l.len()).map(|i| l[(i + first) % l.len()]).map(|(x, y)| Vec3::new(x, 5.0, y)).collect();
+            for p in [p.clone(), p.into_iter().rev().collect()] {
+                let t = triangulate(&p);
+                assert_eq!(t.len(), 4);
+                assert!((area(&p, &t) - 6.0).abs() < 1e-5, "{first}: {t:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_joined_numbered_and_cleaned() {
+        let lines: Vec<_> = logical_lines("\u{feff}# c\r\n\tv 1 \\\r\n 2 3\r\n\r\nf 1\\").collect();
+        let lines: Vec<_> =
+            lines.iter().map(|(n, l)| (*n, l.split_whitespace().collect::<Vec<_>>())).collect();
+        assert_eq!(lines, [(2, vec!["v", "1", "2", "3"]), (5, vec!["f", "1"])]);
+    }
+
+    #[test]
+    fn options_of_a_map_are_told_from_its_file() {
+        assert_eq!(without_options("a b.png"), ("a b.png", false));
+        assert_eq!(without_options("-s 1 2 -clamp on a.png"), ("a.png", true));
+        assert_eq!(without_options("-o 1 1 1 -bm 2 a.png"), ("a.png", true));
+        assert_eq!(without_options("-odd.png"), ("-odd.png", false));
+    }
+}

@@ -1,0 +1,335 @@
+//! OBJ, MTL and textures.
+
+use glam::Vec3;
+use lightopt_embree::scene::{
+    SceneError, builder,
+    material::Model,
+    obj::{self, ObjScene},
+};
+
+use crate::room::{MTL, OBJ, Room, TOML};
+
+const CREASE: f32 = 0.7;
+
+/// A square in the plane y = 0.
+const SQUARE: &str = "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\n";
+
+fn load(obj: &str, mtl: &str) -> Result<ObjScene, SceneError> {
+    let room = Room::with(obj, mtl, TOML);
+    obj::load(&room.path("room.obj"), CREASE)
+}
+
+fn load_ok(obj: &str) -> ObjScene {
+    load(obj, MTL).unwrap()
+}
+
+fn line_of(e: &SceneError) -> String {
+    let text = e.to_string();
+    text.split_once("room.").map(|(_, rest)| rest.to_owned()).unwrap_or(text)
+}
+
+fn area(s: &ObjScene) -> f32 {
+    (0..s.mesh.indices.len())
+        .map(|t| {
+            let [a, b, c] = s.mesh.corners(t);
+            0.5 * (b - a).cross(c - a).length()
+        })
+        .sum()
+}
+
+#[test]
+fn indices_may_be_negative_and_point_ahead() {
+    let absolute = load_ok(&format!("{SQUARE}f 1 2 3 4\n"));
+    let relative = load_ok(&format!("{SQUARE}f -4 -3 -2 -1\n"));
+    let ahead = load_ok(&format!("f 1 2 3 4\n{SQUARE}"));
+    assert_eq!(absolute.mesh.indices.len(), 2);
+    for other in [relative, ahead] {
+        assert_eq!(absolute.mesh.positions, other.mesh.positions);
+        assert_eq!(absolute.mesh.normals, other.mesh.normals);
+    }
+}
+
+#[test]
+fn polygons_become_triangles_of_the_same_area() {
+    let pentagon = load_ok("v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 2 0\nv 0 1 0\nf 1 2 3 4 5\n");
+    assert_eq!(pentagon.mesh.indices.len(), 3);
+    assert!((area(&pentagon) - 3.0).abs() < 1e-6);
+    // An L, which a fan from its first corner would overlap.
+    let l = load_ok("v 1 1 0\nv 1 3 0\nv 0 3 0\nv 0 0 0\nv 4 0 0\nv 4 1 0\nf 1 2 3 4 5 6\n");
+    assert!((area(&l) - 6.0).abs() < 1e-6);
+}
+
+#[test]
+fn absent_normals_are_smooth_below_the_crease_across_materials_and_groups() {
+    // Two squares that meet at 30 and at 90 degrees.
+    let roof = |y: f32, z: f32| {
+        format!(
+            "mtllib room.mtl\n{SQUARE}v 0 {y} {z}\nv 1 {y} {z}\no roof\nusemtl red\ng a\nf 1 2 3 4\n\
+             usemtl floor\ng b\nf 2 5 6 3\n"
+        )
+    };
+    let shared = |s: &ObjScene| {
+        let at = |t: usize, p: Vec3| {
+            let i = s.mesh.indices[t].iter().find(|&&i| s.mesh.positions[i as usize] == p).unwrap();
+            s.mesh.normals[*i as usize]
+        };
+        (0..4).filter(|&t| s.mesh.corners(t).contains(&Vec3::Z)).map(|t| at(t, Vec3::Z)).collect::<Vec<_>>()
+    };
+    let smooth = shared(&load_ok(&roof(-0.5, 1.0 + 0.75_f32.sqrt())));
+    assert!(smooth.iter().all(|n| n.angle_between(smooth[0]) < 1e-3), "{smooth:?}");
+    let sharp = shared(&load_ok(&roof(-1.0, 1.0)));
+    assert!(sharp.iter().any(|n| n.angle_between(sharp[0]) > 1.5), "{sharp:?}");
+}
+
+#[test]
+fn given_normals_are_kept_where_only_some_corners_have_them() {
+    let s = load_ok(&format!("{SQUARE}vt 0.25 0.75\nvn 0 2 0\nvn .6 .8 0\nf 1//2 2/1 3/1/1\nf 1 3 4\n"));
+    let [a, b, c] = s.mesh.indices[0].map(|i| i as usize);
+    assert!((s.mesh.normals[a] - Vec3::new(0.6, 0.8, 0.0)).length() < 1e-6);
+    assert_eq!((s.mesh.normals[b], s.mesh.normals[c]), (Vec3::Y, Vec3::Y));
+    // Texture coordinates stay with their corners.
+    assert_eq!((s.mesh.uvs[a].x, s.mesh.uvs[b].x, s.mesh.uvs[c].y), (0.0, 0.25, 0.75));
+}
+
+#[test]
+fn objects_groups_and_materials_are_respected() {
+    let s = load_ok(&format!(
+        "mtllib room.mtl\n{SQUARE}f 1 2 3\no fruit\nusemtl red\ng apple left\nf 1 2 3\nusemtl floor\nf 1 3 4\n\
+         g pear\nusemtl red\nf 1 2 4\no bowl\nf 2 3 4\n"
+    ));
+    let names: Vec<Vec<&str>> =
+        s.mesh.objects.iter().map(|&o| s.parts[o as usize].names().collect()).collect();
+    let apple = vec!["fruit", "apple", "left", "apple left"];
+    assert_eq!(names, [vec![], apple.clone(), apple, vec!["fruit", "pear"], vec!["bowl"]]);
+    let materials: Vec<&str> = s.mesh.materials.iter().map(|&m| s.materials[m as usize].0.as_str()).collect();
+    assert_eq!(materials, ["(none)", "red", "floor", "red", "red"]);
+    assert!(s.warnings.is_empty(), "{:?}", s.warnings);
+
+    let main = |names: &str| {
+        let toml = TOML.replace("\"box\"", names);
+        let obj = OBJ.replace("o box\n", "o furniture\ng box left\n");
+        builder::load(&Room::with(&obj, MTL, &toml).path("room.obj"))
+            .map(|s| s.is_main.iter().filter(|m| **m).count())
+    };
+    for (pattern, n) in [("\"box\"", 10), ("\"furniture\"", 10), ("\"f*\"", 12), ("\"wall\", \"left\"", 12)] {
+        assert_eq!(main(pattern).unwrap(), n, "{pattern}");
+    }
+}
+
+#[test]
+fn a_missing_library_is_a_warning_and_its_materials_are_grey_but_named() {
+    let s = load_ok(&OBJ.replace("room.mtl", "other.mtl"));
+    assert_eq!(s.warnings.len(), 1);
+    assert!(s.warnings[0].contains("room.obj:1: material library"), "{:?}", s.warnings);
+    assert!(s.warnings[0].contains("other.mtl") && s.warnings[0].contains("using grey"));
+    let names: Vec<&str> = s.materials.iter().map(|(n, _)| n.as_str()).collect();
+    assert_eq!(names, ["floor", "wall", "red"]);
+    assert!(s.materials.iter().all(|(_, p)| p.model == Model::Diffuse && p.base_color.x == 0.8));
+
+    let s = load_ok(&OBJ.replace("usemtl red", "usemtl rde"));
+    assert_eq!(s.warnings.len(), 1);
+    assert!(s.warnings[0].contains("room.obj:23: no library defines material `rde`"), "{:?}", s.warnings);
+}
+
+#[test]
+fn ways_of_writing_do_not_matter() {
+    let plain = load_ok(OBJ);
+    let crlf = OBJ.replace('\n', "\r\n");
+    let noisy = format!("\u{feff}# caf\u{e9}\n\n{}", OBJ.replace("v 1 0 -1\n", "  v\t1 0\\\n  -1 # one\n"));
+    let colours = OBJ.replace("v 1 0 1\n", "v 1 0 1 0.5 0.5 0.5\n").replace("v 1 2 -1", "v 2 4 -2 2");
+    let tabs = OBJ.replace("usemtl ", "\tusemtl\t").replace("mtllib ", "mtllib\t");
+    let comments = OBJ.replace("f 1 2 6 5", "f 1 2 6 5 # the wall");
+    let lines = OBJ.replace("o wall", "l 1 2 3\np 1\no wall\ns off");
+    for other in [crlf, noisy, colours, tabs, comments, lines] {
+        let s = load_ok(&other);
+        assert_eq!(s.mesh.indices, plain.mesh.indices, "{other}");
+        assert_eq!(s.mesh.positions, plain.mesh.positions, "{other}");
+        assert_eq!(s.mesh.materials, plain.mesh.materials, "{other}");
+        assert!(s.warnings.is_empty(), "{other}: {:?}", s.warnings);
+    }
+    // Latin-1 bytes in a comment or a name.
+    let room = Room::new();
+    room.write("room.obj", [b"# caf\xe9\n".as_slice(), OBJ.as_bytes()].concat());
+    assert_eq!(obj::load(&room.path("room.obj"), CREASE).unwrap().mesh.indices, plain.mesh.indices);
+}
+
+#[test]
+fn degenerate_triangles_are_left_out_and_counted() {
+    let s = load_ok(&format!(
+        "{SQUARE}v nan 0 0\nv 1e30 0 0\nv 0 inf 0\nf 1 2 3\nf 1 1 2\nf 1 2 5\nf 1 2 7\nf 1 2\nf 1 6 6\n"
+    ));
+    assert_eq!(s.mesh.indices.len(), 1);
+    assert_eq!(s.mesh.positions.len(), 3);
+    assert!(s.warnings[0].ends_with("room.obj: left out 5 degenerate triangles"), "{:?}", s.warnings);
+    let e = load(&format!("{SQUARE}f 1 1 2\n"), MTL).unwrap_err();
+    assert!(e.to_string().ends_with("room.obj: no triangle in this file"), "{e}");
+}
+
+#[test]
+fn mtl_maps_to_models_as_documented() {
+    let material = |body: &str| {
+        let s = load(&format!("mtllib room.mtl\n{SQUARE}usemtl m\nf 1 2 3\n"), &format!("newmtl m\n{body}"));
+        let s = s.unwrap_or_else(|e| panic!("{body}: {e}"));
+        (s.materials[0].1.clone(), s.warnings)
+    };
+    let is = |body: &str, model: Model, base: [f32; 3], roughness: f32, ior: f32| {
+        let (p, warnings) = material(body);
+        assert_eq!((p.model, p.base_color.to_array()), (model, base), "{body}");
+        assert!((p.roughness - roughness).abs() < 1e-6 && p.ior == ior, "{body}: {p:?}");
+        assert!(warnings.is_empty(), "{body}: {warnings:?}");
+    };
+    let red = [0.7, 0.2, 0.1];
+    let ns = |ns: f32| (2.0 / (ns + 2.0)).sqrt().sqrt();
+    is("", Model::Diffuse, [0.8; 3], 0.5, 1.5);
+    is("Kd 0.7 0.2 0.1\nKs 0 0 0\n", Model::Diffuse, red, 0.5, 1.5);
+    is("Kd .5\n", Model::Diffuse, [0.5; 3], 0.5, 1.5);
+    is("Kd 0.7 0.2 0.1\nKs 0.5 0.5 0.5\nNs 100\n", Model::Plastic, red, ns(100.0), 1.5);
+    is("Kd 0.7 0.2 0.1\nKs 0.5 0.5 0.5\nNs 100\nPr 0.3\nNi 1.4\n", Model::Plastic, red, 0.3, 1.4);
+    is("Kd 0.7 0.2 0.1\nKs 1 1 1\nNi 1\n", Model::Plastic, red, 0.5, 1.5);
+    is("Kd 0.7 0.2 0.1\nPm 1\nPr 0.2\n", Model::Conductor, red, 0.2, 1.5);
+    is("Kd 0.7 0.2 0.1\nPm 0.4\n", Model::Diffuse, red, 0.5, 1.5);
+    is("Kd 0 0 0\nKs 0.7 0.2 0.1\nillum 3\nPr 0\n", Model::Conductor, red, 0.0, 1.5);
+    is("Kd 0.7 0.2 0.1\nKs 1 1 1\nillum 3\nPr 0.1\n", Model::Plastic, red, 0.1, 1.5);
+    for illum in [4, 6, 7, 9] {
+        is(&format!("Kd 1 1 1\nNi 1.33\nillum {illum}\n"), Model::Dielectric, [1.0; 3], 0.0, 1.33);
+    }
+    is("Kd 0.7 0.2 0.1\nNi 1.33\nillum 7\nPr 0.2\nd 1\nTr 0\nKe 0 0 0\n", Model::Dielectric, red, 0.2, 1.33);
+
+    for (body, wanted) in [
+        ("Kd 1.2 0 0\n", "Kd [1.2, 0, 0] is outside [0, 1]"),
+        ("Ke 5 5 5\n", "`Ke` is ignored"),
+        ("d 0.5\n", "transparency `d` is ignored"),
+        ("map_Bump a.png\n", "`map_Bump` is ignored"),
+    ] {
+        let (_, warnings) = material(body);
+        assert_eq!(warnings.len(), 1, "{body}: {warnings:?}");
+        assert!(warnings[0].contains("material `m`") && warnings[0].contains(wanted), "{warnings:?}");
+    }
+}
+
+#[test]
+fn textures_are_found_beside_the_scene() {
+    let obj = format!("mtllib room.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
+    let texel = |mtl: &str| {
+        let room = Room::with(&obj, mtl, TOML);
+        std::fs::create_dir(room.path("maps")).unwrap();
+        image::RgbImage::from_pixel(2, 2, image::Rgb([255, 188, 0])).save(room.path("maps/a b.png")).unwrap();
+        // A PNG by content.
+        std::fs::copy(room.path("maps/a b.png"), room.path("b.jpg")).unwrap();
+        obj::load(&room.path("room.obj"), CREASE)
+            .map(|s| s.materials[0].1.texture.as_ref().unwrap().sample(glam::Vec2::ZERO).to_array())
+    };
+    for name in ["maps/a b.png", r"maps\a b.png", "-s 1 1 1 -clamp on maps/a b.png", "b.jpg"] {
+        let [r, g, b] = texel(&format!("newmtl m\nmap_Kd {name}\n")).unwrap();
+        assert!((r, b) == (1.0, 0.0) && (g - 0.5).abs() < 0.01, "{name}: {r} {g} {b}");
+    }
+    let missing = texel("newmtl m\nmap_Kd no.png\n").unwrap_err().to_string();
+    assert!(missing.ends_with("no.png: cannot read the texture (`map_Kd` of material `m`)"), "{missing}");
+
+    let room = Room::with(
+        &obj,
+        "newmtl m\nmap_Kd no.png\n",
+        &TOML.replace("objects = [\"box\"]", "materials = [\"m\"]"),
+    );
+    let error = room.fail_at_once(&["render", "room.obj", "-o", "a.png"]);
+    assert!(error.contains("no.png: cannot read the texture") && error.contains("No such file"), "{error}");
+    room.write("no.png", "no picture");
+    let error = room.fail_at_once(&["render", "room.obj", "-o", "a.png"]);
+    assert!(error.contains("no.png: cannot read the texture"), "{error}");
+}
+
+#[test]
+fn lines_that_make_no_sense_are_named() {
+    for (obj, wanted) in [
+        ("v 1 2\n", "obj:1: `v`: needs 3 numbers, got 2"),
+        ("v 1 2 x\n", "obj:1: `v`: `x` is not a number"),
+        ("v 1,0 2 3\n", "obj:1: `v`: `1,0` is not a number"),
+        ("v 1 2 3 0\n", "obj:1: `v`: the weight (4th number) must not be 0"),
+        ("\n\nvn 1 2\n", "obj:3: `vn`: needs 3 numbers, got 2"),
+        ("vt\n", "obj:1: `vt`: needs 1 to 3 numbers, got 0"),
+        ("v 0 0 0\nf 1 1 2\n", "obj:2: `f`: vertex 2 does not exist: the file has 1"),
+        ("v 0 0 0\nf 1 1 0\n", "obj:2: `f`: `0`: indices begin at 1"),
+        ("f 1 2 3\n", "obj:1: `f`: vertex 1 does not exist: the file has 0"),
+        ("v 0 0 0\nf -1 -1 -2\n", "obj:2: `f`: vertex -2 does not exist: the file has 1 so far"),
+        ("v 0 0 0\nf 1/9 1 1\n", "obj:2: `f`: texture coordinate 9 does not exist: the file has 0"),
+        ("v 0 0 0\nf 1//9223372036854775807 1 1\n", "normal 9223372036854775807 does not exist"),
+        ("v 0 0 0\nf 1 1 -9223372036854775808\n", "vertex -9223372036854775808 does not exist"),
+        ("v 0 0 0\nf 1 1 99999999999999999999\n", "`99999999999999999999` is not an index"),
+        ("v 0 0 0\nf 1/1/1/1 1 1\n", "`1/1/1/1` has more than 3 indices"),
+        ("v 0 0 0\nf /1 1 1\n", "`/1` names no vertex"),
+        ("v 0 0 0\nf a b c\n", "obj:2: `f`: `a` is not an index"),
+    ] {
+        let e = load(obj, MTL).unwrap_err();
+        assert!(line_of(&e).contains(wanted), "{obj:?}: wanted `{wanted}` in: {e}");
+    }
+    for (mtl, wanted) in [
+        ("newmtl\n", "mtl:1: `newmtl`: needs a name"),
+        ("newmtl a\nKd 1 2\n", "mtl:2: `Kd`: needs 3 numbers, got 2"),
+        ("newmtl a\nKd\n", "mtl:2: `Kd`: needs 3 numbers, got 0"),
+        ("newmtl a\nKd nan 0 0\n", "mtl:2: `Kd`: must be finite"),
+        ("newmtl a\nKd spectral a.rfl\n", "mtl:2: `Kd`: `spectral` is not a number"),
+        ("newmtl a\nNs x\n", "mtl:2: `Ns`: `x` is not a number"),
+        ("newmtl a\nillum 99\n", "mtl:2: `illum`: must be 0 to 10, got 99"),
+        ("newmtl a\nmap_Kd\n", "mtl:2: `map_Kd`: needs a file"),
+        ("Kd 1 1 1\n", "mtl:1: `Kd`: stands before any `newmtl`"),
+    ] {
+        let e = load(OBJ, mtl).unwrap_err();
+        assert!(line_of(&e).contains(wanted), "{mtl:?}: wanted `{wanted}` in: {e}");
+    }
+}
+
+#[test]
+fn broken_files_are_errors_and_never_panics() {
+    let whole = format!("{OBJ}vn 0 1 0\nvt 0.5 0.5\nf 1/1/1 2/1/1 -9/-1/-1 4//1\n");
+    let mut random = 1_u64;
+    let mut next = move |n: usize| {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 33) as usize % n
+    };
+    let room = Room::new();
+    let mut loaded = 0;
+    for i in 0..1500 {
+        let name = if i % 3 == 0 { "room.mtl" } else { "room.obj" };
+        let mut bytes = if i % 3 == 0 { MTL } else { whole.as_str() }.as_bytes().to_vec();
+        match i % 5 {
+            0 => bytes.truncate(next(bytes.len())),
+            1 => bytes.extend((0..next(200)).map(|k| (k * 7 + i) as u8)),
+            _ => {
+                for _ in 0..=next(8) {
+                    let at = next(bytes.len());
+                    bytes[at] = b"0123456789-./ \n\\#vfno\xff\0eE"[next(25)];
+                }
+            }
+        }
+        room.write("room.obj", &whole);
+        room.write("room.mtl", MTL);
+        room.write(name, &bytes);
+        loaded += usize::from(builder::load(&room.path("room.obj")).is_ok());
+    }
+    assert!(loaded > 100, "{loaded}");
+}
+
+#[test]
+fn what_is_no_scene_is_one_line() {
+    let room = Room::new();
+    room.write("empty.obj", "");
+    room.write("empty.toml", TOML);
+    room.write("binary.obj", (0..=255).cycle().take(10_000).collect::<Vec<u8>>());
+    room.write("binary.toml", TOML);
+    room.write("lonely.obj", OBJ);
+    std::fs::create_dir(room.path("folder.obj")).unwrap();
+    for (scene, wanted) in [
+        ("empty.obj", "empty.obj: no triangle in this file"),
+        ("binary.obj", "binary.obj: no triangle in this file"),
+        ("folder.obj", "folder.obj: is a directory"),
+        ("lonely.obj", "lonely.toml: cannot read the sidecar"),
+        ("rom.obj", "rom.obj: no such scene, and none in scenes/ either; did you mean `room.obj`?"),
+        ("/no/such.obj", "/no/such.obj: no such scene"),
+        ("room.toml", "room.toml: a scene is a Wavefront .obj file"),
+    ] {
+        for command in ["run", "render"] {
+            let error = room.fail_at_once(&[command, scene]);
+            assert!(error.contains(wanted), "wanted `{wanted}` in: {error}");
+        }
+    }
+}

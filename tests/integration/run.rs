@@ -1,0 +1,429 @@
+//! `lightopt-embree run`.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use lightopt_embree::film::exr::read_exr;
+use predicates::str::contains;
+use serde_json::Value;
+
+use crate::room::{MTL, OBJ, QUICK, Room, TOML, names};
+
+fn quick<'a>(options: &[&'a str]) -> Vec<&'a str> {
+    let mut arguments = vec!["run", "room.obj"];
+    arguments.extend(QUICK);
+    arguments.extend(options);
+    arguments
+}
+
+fn json_of(room: &Room, arguments: &[&str]) -> Value {
+    let mut all = arguments.to_vec();
+    all.push("--json");
+    // One object and nothing else.
+    serde_json::from_slice(&room.succeed(&all).stdout).unwrap()
+}
+
+fn lines(path: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(path).unwrap();
+    assert!(text.is_empty() || text.ends_with('\n'), "{}", path.display());
+    text.lines().map(|l| serde_json::from_str(l).unwrap_or_else(|e| panic!("{l}: {e}"))).collect()
+}
+
+fn iterations(directory: &Path) -> Vec<String> {
+    names(directory).into_iter().filter(|n| n.starts_with("iter_")).collect()
+}
+
+/// Bytes of every file that the seed decides.
+fn content(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+    let kept = names(directory).into_iter().filter(|n| n != "timing.jsonl");
+    kept.map(|n| (n.clone(), fs::read(directory.join(&n)).unwrap())).collect()
+}
+
+#[test]
+fn a_run_records_all_it_did_and_pictures_reproduce_their_values() {
+    let room = Room::new();
+    let json = json_of(&room, &quick(&["--seed", "5"]));
+    let directory = room.path("runs/room-high-key");
+    let iterations = iterations(&directory);
+    let mut wanted: Vec<String> = [
+        "evaluations.jsonl",
+        "final.exr",
+        "final.png",
+        "initial.exr",
+        "initial.png",
+        "iterations.jsonl",
+        "lights.toml",
+        "run.toml",
+        "timing.jsonl",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    wanted.extend(iterations.iter().cloned());
+    wanted.sort();
+    assert_eq!(names(&directory), wanted);
+
+    for key in [
+        "f_q_initial",
+        "f_q",
+        "f_q_error",
+        "f_q_final",
+        "renders",
+        "evaluations",
+        "seconds",
+        "stop_reason",
+        "run_dir",
+        "terms",
+        "x",
+    ] {
+        assert!(!json[key].is_null(), "{key}");
+    }
+    for term in ["meanObj", "meanBack", "varObj", "varBack", "grad", "hist"] {
+        for key in ["value", "target", "f"] {
+            assert!(json["terms"][term][key].is_number(), "{term}.{key}");
+        }
+    }
+    assert_eq!(json["run_dir"], "runs/room-high-key");
+
+    let manifest: toml::Table = fs::read_to_string(directory.join("run.toml")).unwrap().parse().unwrap();
+    let options = &manifest["options"];
+    for (key, value) in [("spp", 4), ("final_spp", 4), ("seed", 5), ("max_evaluations", 4), ("max_depth", 8)]
+    {
+        assert_eq!(options[key].as_integer(), Some(value), "{key}");
+    }
+    assert_eq!(options["size"].to_string(), "[24, 18]");
+    assert_eq!(options["work_size"].to_string(), "[16, 12]");
+    assert_eq!(options["integrator"].as_str(), Some("bdpt"));
+    let variables: Vec<&str> =
+        manifest["variables"].as_array().unwrap().iter().map(|v| v["name"].as_str().unwrap()).collect();
+    assert_eq!(variables, ["key.radiance", "key.size", "fill.radiance", "fill.size", "background.value"]);
+    for v in manifest["variables"].as_array().unwrap() {
+        let number = |key: &str| v[key].as_float().unwrap();
+        let found = json["x"][v["name"].as_str().unwrap()].as_f64().unwrap();
+        assert!((number("lower")..=number("upper")).contains(&found), "{v}");
+    }
+
+    let evaluations = lines(&directory.join("evaluations.jsonl"));
+    assert_eq!(
+        evaluations.iter().filter(|l| l.get("evaluation").is_some()).count() as u64,
+        json["evaluations"].as_u64().unwrap()
+    );
+    assert!(!lines(&directory.join("timing.jsonl")).is_empty());
+    let improved = lines(&directory.join("iterations.jsonl"));
+    assert_eq!(improved.len(), iterations.len());
+    assert!(improved.windows(2).all(|w| w[1]["f_q"].as_f64() < w[0]["f_q"].as_f64()));
+
+    let evaluate = |name: &str| {
+        let path = format!("runs/room-high-key/{name}");
+        let json = json_of(&room, &["evaluate", &path]);
+        assert!(json["f_q_recorded"].is_number());
+        json["f_q"].as_f64().unwrap()
+    };
+    for (name, line) in iterations.iter().zip(&improved) {
+        assert!((evaluate(name) - line["f_q"].as_f64().unwrap()).abs() < 1e-12, "{name}");
+    }
+    assert!((evaluate("final.exr") - json["f_q_final"].as_f64().unwrap()).abs() < 1e-12);
+}
+
+#[test]
+fn values_are_reproduced_also_with_other_exposure_and_luminance() {
+    let room = Room::new();
+    let options = ["--exposure", "0.3", "--luminance", "linear", "--out", "a", "--target", "low-key"];
+    let json = json_of(&room, &quick(&options));
+    let evaluated = json_of(&room, &["evaluate", "a/final.exr"]);
+    assert!((evaluated["f_q"].as_f64().unwrap() - json["f_q_final"].as_f64().unwrap()).abs() < 1e-12);
+    assert_eq!(evaluated["luminance"], "linear");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_whatever_the_threads() {
+    let room = Room::new();
+    for (out, threads, seed) in [("a", "1", "3"), ("b", "2", "3"), ("c", "2", "4")] {
+        room.succeed(&quick(&["--out", out, "--threads", threads, "--seed", seed]));
+    }
+    let (a, b, c) = (content(&room.path("a")), content(&room.path("b")), content(&room.path("c")));
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    for (name, bytes) in &a {
+        assert!(bytes == &b[name], "{name} depends on the threads");
+    }
+    assert!(a["final.exr"] != c["final.exr"] && a["evaluations.jsonl"] != c["evaluations.jsonl"]);
+}
+
+#[test]
+fn render_makes_the_final_picture_again_from_the_lights_found() {
+    for (toml, free) in [
+        (TOML.to_owned(), "radiance,size,background"),
+        (TOML.to_owned(), "radiance"),
+        // A value of 1 is not within reach.
+        (
+            TOML.replace(
+                "[[lights]]\nname = \"key\"",
+                "[background]\nvalue_range = [0.1, 0.4]\n[[lights]]\nname = \"key\"",
+            ),
+            "size",
+        ),
+    ] {
+        let room = Room::with(OBJ, MTL, &toml);
+        room.succeed(&quick(&["--out", "a", "--seed", "9", "--free", free]));
+        let options = ["--size", "24x18", "--spp", "4", "--seed", "9", "-o", "again.exr"];
+        let mut arguments = vec!["render", "room.obj", "--lights", "a/lights.toml"];
+        arguments.extend(options);
+        room.succeed(&arguments);
+        let (found, again) =
+            (read_exr(&room.path("a/final.exr")).unwrap(), read_exr(&room.path("again.exr")).unwrap());
+        for (a, b) in found.parts.iter().zip(&again.parts) {
+            assert!(a.name == b.name && a.channels == b.channels, "{free}: part {}", a.name);
+        }
+    }
+}
+
+#[test]
+fn only_what_is_free_varies() {
+    let room = Room::new();
+    let json = json_of(&room, &quick(&["--free", "radiance", "--out", "a"]));
+    let x: Vec<&String> = json["x"].as_object().unwrap().keys().collect();
+    assert_eq!(x, ["fill.radiance", "key.radiance"]);
+    let lights: toml::Table = fs::read_to_string(room.path("a/lights.toml")).unwrap().parse().unwrap();
+    for light in lights["lights"].as_array().unwrap() {
+        assert_eq!(light["size"].as_float(), Some(1.0));
+    }
+    assert_eq!(lights["background"]["value"].as_float(), Some(1.0));
+    let json = json_of(&room, &quick(&["--free", "background", "--out", "b"]));
+    assert_eq!(json["x"].as_object().unwrap().keys().collect::<Vec<_>>(), ["background.value"]);
+
+    let room = Room::with(OBJ, MTL, &TOML.replacen("schema = 1", "schema = 1\nfree = [\"size\"]", 1));
+    let json = json_of(&room, &quick(&["--out", "a"]));
+    assert_eq!(json["x"].as_object().unwrap().keys().collect::<Vec<_>>(), ["fill.size", "key.size"]);
+}
+
+#[test]
+fn a_target_of_ones_own_names_the_directory_and_is_recorded() {
+    let room = Room::new();
+    let target = "schema = 1\nname = \"dusk\"\nsignature = \"low\"\nt_meanObj = 0.3\nt_meanBack = 0.1\n\
+                  t_varObj = 0.2\nt_varBack = 0.1\nt_grad = 0.3\n";
+    room.write("dusk.toml", target);
+    let json = json_of(&room, &quick(&["--target", "dusk.toml"]));
+    assert_eq!(json["run_dir"], "runs/room-dusk");
+    assert_eq!(json["terms"]["meanObj"]["target"].as_f64(), Some(0.3));
+    assert_eq!(json_of(&room, &["evaluate", "runs/room-dusk/final.exr"])["target"], "dusk");
+
+    room.write("bad.toml", target.replace("0.3", "1.3"));
+    let error = room.fail_at_once(&quick(&["--target", "bad.toml"]));
+    assert!(error.contains("bad.toml:4: `t_meanObj`"), "{error}");
+    let error = room.fail_at_once(&quick(&["--target", "hihg-key"]));
+    assert!(error.contains("did you mean `high-key`?"), "{error}");
+}
+
+#[test]
+fn one_evaluation_is_enough() {
+    let room = Room::new();
+    for n in ["1", "2", "3"] {
+        let mut arguments = vec!["run", "room.obj", "--out", n];
+        arguments.extend(&QUICK[..8]);
+        arguments.extend(["--max-evaluations", n]);
+        let json = json_of(&room, &arguments);
+        assert!(json["evaluations"].as_u64().unwrap() <= n.parse().unwrap());
+    }
+}
+
+#[test]
+fn a_bare_name_is_sought_among_the_scenes_and_said_so() {
+    let room = Room::new();
+    for (name, text) in [("hall.obj", OBJ), ("room.mtl", MTL), ("hall.toml", TOML)] {
+        room.write(&format!("scenes/{name}"), text);
+    }
+    for name in ["hall.obj", "hall"] {
+        let mut arguments = vec!["run", name, "--force"];
+        arguments.extend(QUICK);
+        let output = room.succeed(&arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(stderr.lines().any(|l| l == "using scenes/hall.obj"), "{stderr}");
+        assert!(room.path("runs/hall-high-key/final.png").exists());
+    }
+}
+
+#[test]
+fn earlier_runs_are_replaced_only_by_force_and_foreign_files_never() {
+    let room = Room::new();
+    room.succeed(&quick(&["--out", "a"]));
+    let before = content(&room.path("a"));
+    let error = room.fail_at_once(&quick(&["--out", "a", "--seed", "1"]));
+    assert!(error.contains("a: a run is recorded here already") && error.contains("--force"), "{error}");
+    assert!(content(&room.path("a")) == before);
+
+    // A wrong target or scene leaves the earlier run alone, also with --force.
+    room.fail_at_once(&quick(&["--out", "a", "--force", "--target", "no"]));
+    room.fail_at_once(&["run", "no.obj", "--out", "a", "--force"]);
+    assert!(content(&room.path("a")) == before);
+
+    room.write("a/notes.txt", "mine");
+    room.write("a/iter_9999.exr", "of a longer run");
+    room.write("a/.final.exr.123-4.tmp", "of a killed run");
+    room.succeed(&quick(&["--out", "a", "--force", "--seed", "1"]));
+    assert_eq!(fs::read(room.path("a/notes.txt")).unwrap(), b"mine");
+    assert!(!room.path("a/iter_9999.exr").exists() && !room.path("a/.final.exr.123-4.tmp").exists());
+    assert!(content(&room.path("a"))["final.exr"] != before["final.exr"]);
+
+    room.write("foreign/final.exr", "mine");
+    for force in [&[][..], &["--force"]] {
+        let error = room.fail_at_once(&quick(&[&["--out", "foreign"][..], force].concat()));
+        assert!(error.contains("foreign: not empty and not a run directory"), "{error}");
+    }
+    assert_eq!(names(&room.path("foreign")), ["final.exr"]);
+    assert_eq!(fs::read(room.path("foreign/final.exr")).unwrap(), b"mine");
+
+    fs::create_dir(room.path("empty")).unwrap();
+    room.succeed(&quick(&["--out", "empty"]));
+    let error = room.fail_at_once(&quick(&["--out", "room.obj"]));
+    assert!(error.contains("room.obj: cannot read the directory"), "{error}");
+    let error = room.fail_at_once(&quick(&["--out", "room.obj/a"]));
+    assert!(error.contains("room.obj/a: cannot"), "{error}");
+}
+
+#[test]
+fn scenes_that_cannot_be_lit_are_errors_that_leave_nothing() {
+    for (from, to, wanted) in [
+        (
+            "[0.5, 1.8, 0.8]\nlook_at = [0.0, 0.3, 0.0]",
+            "[0.5, 5.0, 0.8]\nlook_at = [0.5, 9.0, 0.8]",
+            "light `key` does not light the picture",
+        ),
+        ("[-0.8, 1.2, 0.8]", "[-0.8, 0.0, 0.8]", "light `fill` is within"),
+        ("[\"box\"]", "[\"*\"]", "every pixel as main object"),
+        ("look_at = [0.0, 0.5, 0.0]", "look_at = [0.0, 1.0, 9.0]", "no pixel as main object"),
+    ] {
+        let room = Room::with(OBJ, MTL, &TOML.replacen(from, to, 1));
+        let mut arguments = quick(&["--out", "a"]);
+        if to.contains('*') {
+            // The picture holds nothing but the main object.
+            room.write("room.toml", TOML.replace(from, to).replace("45.0", "10.0"));
+        }
+        arguments.push("--json");
+        let error = room.fail(&arguments);
+        assert!(error.contains(wanted), "wanted `{wanted}` in: {error}");
+        assert!(!room.path("a").exists());
+    }
+    let room = Room::with(OBJ, MTL, &TOML.replacen("schema = 1", "schema = 1\nfree = []", 1));
+    let error = room.fail(&quick(&[]));
+    assert!(error.contains("nothing is free"), "{error}");
+}
+
+#[test]
+fn wrong_usage_is_code_2() {
+    let room = Room::new();
+    for (arguments, wanted) in [
+        (vec!["--free", "colour"], "radiance"),
+        (vec!["--gradient", "magic"], "fd"),
+        (vec!["--max-evaluations", "0"], "1..="),
+        (vec!["--work-size", "x"], "WIDTHxHEIGHT"),
+        (vec!["--final-spp", "0"], "whole number from 1"),
+    ] {
+        room.command(
+            &quick(&arguments)[..2].iter().copied().chain(arguments.iter().copied()).collect::<Vec<_>>(),
+        )
+        .assert()
+        .code(2)
+        .stdout("")
+        .stderr(contains(wanted));
+    }
+    assert!(!room.path("runs").exists());
+}
+
+#[test]
+fn plain_output_is_lines_without_control_characters() {
+    let room = Room::new();
+    let output = room.succeed(&quick(&[]));
+    let (stdout, stderr) =
+        (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    for text in [&stdout, &stderr] {
+        assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
+    }
+    assert!(
+        stderr.contains("evaluation 1/4: f_q ") && stderr.lines().any(|l| l == "final picture"),
+        "{stderr}"
+    );
+    assert!(
+        stdout.starts_with("target high-key\nf_q ") && stdout.ends_with("runs/room-high-key/final.png\n")
+    );
+}
+
+#[cfg(unix)]
+mod signals {
+    use std::process::{Child, Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    use super::*;
+
+    /// A run that is busy with its evaluations for long.
+    fn long_run(room: &Room) -> Child {
+        Command::new(assert_cmd::cargo::cargo_bin!("lightopt-embree"))
+            .current_dir(room.directory.path())
+            .args(["run", "room.obj", "--out", "a", "--json", "--max-evaluations", "1000"])
+            .args(["--work-size", "48x36", "--spp", "64", "--size", "24x18", "--final-spp", "4"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
+    }
+
+    fn wait_for(what: impl Fn() -> bool) {
+        let start = Instant::now();
+        while !what() {
+            assert!(start.elapsed() < Duration::from_secs(60), "nothing happened");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    fn signal(child: &Child, name: &str) {
+        let status = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+        assert!(status.success());
+    }
+
+    #[test]
+    fn an_interrupted_run_renders_the_best_so_far() {
+        // While the starts are compared, and while it optimises.
+        for (log, n) in [("evaluations.jsonl", 0), ("evaluations.jsonl", 2), ("iterations.jsonl", 1)] {
+            let room = Room::new();
+            let child = long_run(&room);
+            let path = room.path("a").join(log);
+            wait_for(|| fs::read_to_string(&path).is_ok_and(|t| t.lines().count() >= n));
+            signal(&child, "-INT");
+            let output = child.wait_with_output().unwrap();
+            let stderr = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(0), "{stderr}");
+            assert!(stderr.contains("interrupted: finishing with the best so far"), "{stderr}");
+            let json: Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert!(json["stop_reason"].as_str().unwrap().contains("interrupted"), "{json}");
+            let f_q = json_of(&room, &["evaluate", "a/final.exr"])["f_q"].as_f64().unwrap();
+            assert!((f_q - json["f_q_final"].as_f64().unwrap()).abs() < 1e-12);
+            assert!(room.path("a/lights.toml").exists() && room.path("a/final.png").exists());
+        }
+    }
+
+    #[test]
+    fn a_killed_run_leaves_readable_logs_and_whole_pictures() {
+        let room = Room::new();
+        let mut child = long_run(&room);
+        wait_for(|| {
+            fs::read_to_string(room.path("a/iterations.jsonl")).is_ok_and(|t| t.lines().count() >= 1)
+        });
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let directory = room.path("a");
+        for log in ["evaluations.jsonl", "iterations.jsonl", "timing.jsonl"] {
+            assert!(!lines(&directory.join(log)).is_empty(), "{log}");
+        }
+        let pictures = iterations(&directory);
+        assert!(pictures.len() >= lines(&directory.join("iterations.jsonl")).len());
+        for name in names(&directory).iter().filter(|n| n.ends_with(".exr")) {
+            read_exr(&directory.join(name)).unwrap();
+        }
+        for name in names(&directory).iter().filter(|n| n.ends_with(".png")) {
+            image::open(directory.join(name)).unwrap();
+        }
+        let error = room.fail_at_once(&quick(&["--out", "a"]));
+        assert!(error.contains("a run is recorded here already"), "{error}");
+        room.succeed(&quick(&["--out", "a", "--force"]));
+        assert!(names(&directory).iter().all(|n| !n.ends_with(".tmp")));
+    }
+}
