@@ -47,7 +47,8 @@ impl Coat {
                 .collect(),
         };
         // R_int = 2 ∫ R(μ, 1/η) μ dμ by the midpoint rule.
-        let n = 128;
+        // A smooth coat's R has a vertical tangent where total reflection begins.
+        let n = if ggx.is_some() { 128 } else { 4096 };
         let r_int = (0..n)
             .map(|i| {
                 let mu = (i as f32 + 0.5) / n as f32;

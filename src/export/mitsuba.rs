@@ -321,7 +321,8 @@ pub fn compensation(ior: f32, alpha: Option<f32>) -> f32 {
     let ggx = alpha.map(Ggx::new);
     let weighted = |mu: f64, i: u32| 2.0 * mu * f64::from(internal_reflectance(ior, ggx, mu as f32, i));
     let mean = |n: u32, f: &dyn Fn(u32) -> f64| (0..n).map(f).sum::<f64>() / f64::from(n);
-    let exact = mean(512, &|i| weighted((f64::from(i) + 0.5) / 512.0, i));
+    let n = if alpha.is_some() { 512 } else { 4096 };
+    let exact = mean(n, &|i| weighted((f64::from(i) + 0.5) / f64::from(n), i));
     let theirs = if alpha.is_some() {
         // Several grids a node.
         mean(8 * N_NODES, &|i| weighted((f64::from(i / 8) / f64::from(N_NODES - 1)).max(1e-6), i))
