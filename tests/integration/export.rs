@@ -121,7 +121,7 @@ fn a_scene_becomes_xml_with_a_mesh_per_material_and_baked_textures() {
         "name=\"max_depth\" value=\"5\"",
         "name=\"width\" value=\"20\"",
         "name=\"alpha\" value=\"0.25\"",
-        "value=\"0.5, 0.25, 0.125\"",
+        "<bsdf type=\"roughplastic\">",
         "value=\"01_image.exr\"",
         "<shape type=\"disk\">",
         "<bsdf type=\"null\"/>",
