@@ -11,7 +11,7 @@
 //! * t = 1: light vertices connected to the pinhole, splatted.
 //!
 //! # References
-//! \[Veach97\] chapter 10; \[Georgiev12\] and [vanAntwerpen11] (weights in
+//! \[Veach97\] chapter 10; \[Georgiev12\] and \[vanAntwerpen11\] (weights in
 //! constant time by recurrence, see [`weight`]).
 
 pub mod connect;

@@ -26,7 +26,7 @@
 //! that sum to one will do.
 //!
 //! # References
-//! \[Veach97\] 10.2; [vanAntwerpen11] (recurrence).
+//! \[Veach97\] 10.2; \[vanAntwerpen11\] (recurrence).
 
 use crate::integrator::Heuristic;
 
