@@ -167,12 +167,11 @@ fn measure(subject: &Subject, path: &Path) -> anyhow::Result<Evaluation> {
 fn to_json(subject: &Subject, evaluation: &Evaluation) -> Value {
     let mut value = json!({
         "f_q": evaluation.f_q,
-        "terms": evaluation,
+        "terms": evaluation.terms_json(),
         "target": subject.target.name(),
         "exposure": subject.exposure,
         "luminance": subject.luminance,
     });
-    value["terms"] = value["terms"]["terms"].take();
     if let Some(recorded) = subject.recorded {
         value["f_q_recorded"] = json!(recorded);
     }

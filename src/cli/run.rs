@@ -158,24 +158,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 fn to_json(r: &RunReport, out: &Path) -> serde_json::Value {
-    let terms: serde_json::Map<String, serde_json::Value> = r
-        .check
-        .evaluation
-        .terms
-        .iter()
-        .map(|t| {
-            (
-                t.term.name().to_owned(),
-                json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight}),
-            )
-        })
-        .collect();
     json!({
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
         "f_q_error": r.check.error_bar(),
         "f_q_final": r.last.f_q,
-        "terms": terms,
+        "terms": r.check.evaluation.terms_json(),
         "x": r.variables.named(&r.x),
         "renders": r.renders,
         "evaluations": r.evaluations,

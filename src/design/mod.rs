@@ -15,7 +15,7 @@ use std::{
 };
 
 use glam::UVec2;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::{
     audit::{AuditError, RunDir, lights::Lighting, picture, write_text},
@@ -329,21 +329,11 @@ fn attribute(
     evaluation: &Evaluation,
     spp: u32,
 ) -> Value {
-    let terms: Map<String, Value> = evaluation
-        .terms
-        .iter()
-        .map(|t| {
-            (
-                t.term.name().to_owned(),
-                json!({"value": t.value, "target": t.target, "f": t.f, "weight": t.weight}),
-            )
-        })
-        .collect();
     json!({
         "scene": scene.name,
         "x": variables.named(x),
         "f_q": evaluation.f_q,
-        "terms": terms,
+        "terms": evaluation.terms_json(),
         "exposure": scene.exposure,
         "luminance": options.luminance,
         "target": options.target,

@@ -218,7 +218,7 @@ impl<R: Reporter> Search<'_, R> {
             "f_q": f_q,
             "f_q_error": measured.estimate.error_bar(),
             "f_q_corrected": measured.estimate.evaluation.f_q,
-            "terms": serde_json::to_value(&measured.plain).map(|v| v["terms"].clone()).unwrap_or_default(),
+            "terms": measured.plain.terms_json(),
             "gradient_norm": slopes.iter().map(|g| g * g).sum::<f64>().sqrt(),
             "smoothing": smoothing.delta,
             "renders": *self.renders,

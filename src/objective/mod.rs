@@ -126,6 +126,12 @@ fn terms_by_name<S: Serializer>(terms: &[TermValue; 6], serializer: S) -> Result
 }
 
 impl Evaluation {
+    /// The terms by name: value, target, f and weight of each.
+    #[must_use]
+    pub fn terms_json(&self) -> serde_json::Value {
+        self.terms.iter().map(|t| (t.term.name().to_owned(), serde_json::json!(t))).collect()
+    }
+
     /// The term `term`.
     #[must_use]
     pub fn get(&self, term: Term) -> &TermValue {
