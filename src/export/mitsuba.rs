@@ -232,9 +232,13 @@ fn color(
     let element = match material.texture() {
         None => format!("<rgb name=\"NAME\" value=\"{}\"/>", list(limit(tint))),
         Some(texture) => {
-            let texels: Vec<[f32; 3]> =
-                texture.texels().iter().map(|&t| limit(Rgb::from_array(t) * tint).to_array()).collect();
             let [width, height] = texture.size();
+            let texels: Vec<[f32; 3]> = (0..width * height)
+                .map(|i| {
+                    let [r, g, b, _] = texture.texel(i % width, i / width);
+                    limit(Rgb::new(r, g, b) * tint).to_array()
+                })
+                .collect();
             let image =
                 ExrImage { width, height, parts: vec![ExrPart::rgb("color", &texels)], lightopt: None };
             write_exr(&directory.join(PathBuf::from(format!("{stem}.exr"))), &image)?;

@@ -4,7 +4,7 @@ use std::{collections::HashMap, sync::Arc};
 
 use glam::Vec2;
 
-use super::texture::Texture;
+use super::texture::{ScalarMap, Texture};
 use crate::{
     bsdf::{Bsdf, Coat, Conductor, Dielectric, Diffuse, Plastic, microfacet::Ggx},
     math::{Rgb, luminance},
@@ -40,9 +40,13 @@ pub struct Material {
     value: f32,
     /// Factor that sampling decisions use: the largest background value.
     sampling_value: f32,
+    opacity: f32,
+    emission: Rgb,
+    emission_texture: Option<Arc<Texture>>,
+    emission_two_sided: bool,
 }
 
-/// Parameters of a [`Material`].
+/// Parameters of a [`Material`]: a model whose numbers images may vary.
 #[derive(Clone, Debug)]
 pub struct MaterialParams {
     /// Scattering model.
@@ -53,8 +57,76 @@ pub struct MaterialParams {
     pub texture: Option<Arc<Texture>>,
     /// Perceptual roughness in [0, 1]; the GGX slope is its square.
     pub roughness: f32,
+    /// Multiplies the roughness.
+    pub roughness_map: Option<ScalarMap>,
     /// IOR of a dielectric or of a coat, over that of air.
     pub ior: f32,
+    /// Strength of a plastic's coat in [0, 1]: the rest is the bare diffuse base.
+    pub specular: f32,
+    /// Multiplies the strength of the coat.
+    pub specular_map: Option<ScalarMap>,
+    /// Share of a metal of the same base colour and roughness in [0, 1]; of an opaque model.
+    pub metallic: f32,
+    /// Multiplies the share of metal.
+    pub metallic_map: Option<ScalarMap>,
+    /// Probability in [0, 1] that a ray does not pass straight through.
+    pub opacity: f32,
+    /// Multiplies the opacity.
+    pub opacity_map: Option<ScalarMap>,
+    /// An opacity below it counts as 0, any other as 1.
+    pub opacity_cutoff: Option<f32>,
+    /// Relief.
+    pub relief: Option<Relief>,
+    /// Radiance emitted by the front side, W·m⁻²·sr⁻¹, linear Rec.709.
+    pub emission: Rgb,
+    /// Multiplies the emission.
+    pub emission_texture: Option<Arc<Texture>>,
+    /// Whether the back side emits too.
+    pub emission_two_sided: bool,
+}
+
+/// An image that tilts the shading normal.
+#[derive(Clone, Debug)]
+pub enum Relief {
+    /// Tangent-space normals, x right, y up, stored as (n + 1)/2; `scale` multiplies x and y.
+    NormalMap {
+        /// The image, linear.
+        texture: Arc<Texture>,
+        /// Factor on x and y.
+        scale: f32,
+    },
+    /// Heights in units of the texture's width; `scale` multiplies them.
+    BumpMap {
+        /// The image.
+        height: ScalarMap,
+        /// Factor on the heights.
+        scale: f32,
+    },
+}
+
+impl Default for MaterialParams {
+    /// Diffuse grey.
+    fn default() -> Self {
+        Self {
+            model: Model::Diffuse,
+            base_color: Rgb::splat(0.8),
+            texture: None,
+            roughness: 0.5,
+            roughness_map: None,
+            ior: 1.5,
+            specular: 1.0,
+            specular_map: None,
+            metallic: 0.0,
+            metallic_map: None,
+            opacity: 1.0,
+            opacity_map: None,
+            opacity_cutoff: None,
+            relief: None,
+            emission: Rgb::ZERO,
+            emission_texture: None,
+            emission_two_sided: false,
+        }
+    }
 }
 
 /// Coats by IOR and GGX slope: materials that are alike share their table.
@@ -84,6 +156,10 @@ impl Material {
             coat: (params.model == Model::Plastic).then(|| coats.get(params.ior, alpha)),
             value: 1.0,
             sampling_value: 1.0,
+            opacity: params.opacity,
+            emission: params.emission,
+            emission_texture: params.emission_texture,
+            emission_two_sided: params.emission_two_sided,
         }
     }
 
@@ -144,6 +220,42 @@ impl Material {
     #[must_use]
     pub fn has_value(&self) -> bool {
         self.model != Model::Dielectric && self.max_albedo() > 0.0
+    }
+
+    /// Whether a ray may pass straight through some of the surface.
+    #[must_use]
+    pub fn is_translucent(&self) -> bool {
+        self.opacity < 1.0
+    }
+
+    /// Probability that a ray does not pass straight through at `uv`.
+    #[must_use]
+    pub fn opacity(&self, _uv: Vec2) -> f32 {
+        self.opacity
+    }
+
+    /// Whether the surface emits.
+    #[must_use]
+    pub fn is_emissive(&self) -> bool {
+        self.emission != Rgb::ZERO
+    }
+
+    /// Whether the back side emits too.
+    #[must_use]
+    pub fn emits_from_both_sides(&self) -> bool {
+        self.emission_two_sided
+    }
+
+    /// Radiance emitted without its texture, W·m⁻²·sr⁻¹.
+    #[must_use]
+    pub fn emission_tint(&self) -> Rgb {
+        self.emission
+    }
+
+    /// Radiance emitted at `uv`, W·m⁻²·sr⁻¹.
+    #[must_use]
+    pub fn emission(&self, uv: Vec2) -> Rgb {
+        self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
     /// The scattering function at `uv`.

@@ -31,7 +31,7 @@ use super::{
     builder::SceneError,
     material::{MaterialParams, Model},
     mesh::{Mesh, face_normal, smooth_normals},
-    texture::Texture,
+    texture::{Encoding, Texture},
     wavefront::{self, Part, PlainObj},
 };
 use crate::math::Rgb;
@@ -160,13 +160,7 @@ fn material_library(
 }
 
 fn grey() -> MaterialParams {
-    MaterialParams {
-        model: Model::Diffuse,
-        base_color: Rgb::splat(DEFAULT_ALBEDO),
-        texture: None,
-        roughness: DEFAULT_ROUGHNESS,
-        ior: DEFAULT_IOR,
-    }
+    MaterialParams { base_color: Rgb::splat(DEFAULT_ALBEDO), ..MaterialParams::default() }
 }
 
 /// Appends a model, whose absent normals are zero; returns how many triangles
@@ -259,7 +253,11 @@ fn material_params(
             if let Some(t) = textures.get(&path) {
                 Some(t.clone())
             } else {
-                let t = Arc::new(Texture::load(&path, &m.name)?);
+                let t = Arc::new(Texture::load(
+                    &path,
+                    Encoding::Srgb,
+                    &format!("`map_Kd` of material `{}`", m.name),
+                )?);
                 textures.insert(path, t.clone());
                 Some(t)
             }
@@ -286,5 +284,5 @@ fn material_params(
         (None, None, _) => DEFAULT_ROUGHNESS,
     };
     let ior = m.optical_density.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
-    Ok(MaterialParams { model, base_color, texture, roughness, ior })
+    Ok(MaterialParams { model, base_color, texture, roughness, ior, ..MaterialParams::default() })
 }

@@ -1,69 +1,119 @@
 //! Image textures.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec4};
 
 use crate::math::Rgb;
 
 /// A texture could not be loaded.
 #[derive(Debug, thiserror::Error)]
-#[error("{path}: cannot read the texture (`map_Kd` of material `{material}`)", path = path.display())]
+#[error("{path}: cannot read the texture ({role})", path = path.display())]
 pub struct TextureError {
     path: PathBuf,
-    material: String,
+    role: String,
     source: image::ImageError,
 }
 
-/// An RGB image with repeat addressing and bilinear filtering, decoded from
-/// sRGB to linear.
+/// What the numbers of an 8- or 16-bit image mean; floating-point images are linear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// sRGB-encoded colour; alpha is linear.
+    Srgb,
+    /// Plain numbers: roughness, normals, opacity.
+    Linear,
+}
+
+/// An RGBA image with repeat addressing and bilinear filtering of linear values.
 #[derive(Clone, Debug)]
 pub struct Texture {
     width: usize,
     height: usize,
-    texels: Vec<[f32; 3]>,
+    texels: Vec<[f32; 4]>,
+}
+
+/// The numbers of one channel of an image.
+#[derive(Clone, Debug)]
+pub struct ScalarMap {
+    /// The image.
+    pub texture: Arc<Texture>,
+    /// Which channel.
+    pub channel: Channel,
+}
+
+/// A channel of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Red.
+    R,
+    /// Green.
+    G,
+    /// Blue.
+    B,
+    /// Alpha.
+    A,
+}
+
+impl ScalarMap {
+    /// Value at `uv` (v up).
+    #[must_use]
+    pub fn sample(&self, uv: Vec2) -> f32 {
+        self.texture.sample_rgba(uv)[self.channel as usize]
+    }
 }
 
 impl Texture {
-    /// Reads an image file: BMP, HDR, JPEG, PNG, TGA, TIFF or WebP. 8- and
-    /// 16-bit images are taken to be sRGB-encoded. `material` is for messages.
+    /// Reads an image file: BMP, HDR, JPEG, PNG, TGA, TIFF or WebP. `role` says
+    /// in messages what the image is for.
     ///
     /// # Errors
     /// When the file is missing or not an image.
-    pub fn load(path: &Path, material: &str) -> Result<Self, TextureError> {
-        let image = Self::decode(path).map_err(|source| TextureError {
-            path: path.into(),
-            material: material.into(),
-            source,
-        })?;
-        let is_linear = matches!(image.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
-        let rgb = image.into_rgb32f();
-        let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-        let decode = |v: f32| if is_linear { v } else { srgb_decode(v) };
-        let texels = rgb.pixels().map(|p| p.0.map(decode)).collect();
-        Ok(Self { width, height, texels })
+    pub fn load(path: &Path, encoding: Encoding, role: &str) -> Result<Self, TextureError> {
+        let error = |source| TextureError { path: path.into(), role: role.into(), source };
+        let image = image::ImageReader::open(path)
+            .and_then(image::ImageReader::with_guessed_format)
+            .map_err(image::ImageError::IoError)
+            .and_then(image::ImageReader::decode)
+            .map_err(error)?;
+        Self::from_image(image, encoding).map_err(error)
     }
 
-    /// By content, else by extension.
-    fn decode(path: &Path) -> Result<image::DynamicImage, image::ImageError> {
-        let image = image::ImageReader::open(path)?.with_guessed_format()?.decode()?;
+    /// A texture of a decoded image.
+    ///
+    /// # Errors
+    /// When it has no pixels.
+    pub fn from_image(image: image::DynamicImage, encoding: Encoding) -> Result<Self, image::ImageError> {
         if image.width() == 0 || image.height() == 0 {
             let empty = std::io::Error::new(std::io::ErrorKind::InvalidData, "the image has no pixels");
             return Err(image::ImageError::IoError(empty));
         }
-        Ok(image)
+        let is_float = matches!(image.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
+        let decode = |v: f32| if is_float || encoding == Encoding::Linear { v } else { srgb_decode(v) };
+        let rgba = image.into_rgba32f();
+        let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+        let texels = rgba.pixels().map(|p| [decode(p[0]), decode(p[1]), decode(p[2]), p[3]]).collect();
+        Ok(Self { width, height, texels })
     }
 
-    /// Linear value at `uv` (v up, as in OBJ).
+    /// Linear colour at `uv` (v up, as in OBJ).
     #[must_use]
     pub fn sample(&self, uv: Vec2) -> Rgb {
+        self.sample_rgba(uv).truncate()
+    }
+
+    /// Linear colour and alpha at `uv` (v up, as in OBJ).
+    #[must_use]
+    pub fn sample_rgba(&self, uv: Vec2) -> Vec4 {
         let x = uv.x * self.width as f32 - 0.5;
         let y = (1.0 - uv.y) * self.height as f32 - 0.5;
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let texel = |x: f32, y: f32| {
             let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
-            Vec3::from_array(self.texels[wrap(y, self.height) * self.width + wrap(x, self.width)])
+            Vec4::from_array(self.texels[wrap(y, self.height) * self.width + wrap(x, self.width)])
         };
         let top = texel(x0, y0).lerp(texel(x0 + 1.0, y0), fx);
         let bottom = texel(x0, y0 + 1.0).lerp(texel(x0 + 1.0, y0 + 1.0), fx);
@@ -76,16 +126,16 @@ impl Texture {
         [self.width, self.height]
     }
 
-    /// Linear values, row-major from the top left.
+    /// Linear colour and alpha of a texel, counted from the top left.
     #[must_use]
-    pub fn texels(&self) -> &[[f32; 3]] {
-        &self.texels
+    pub fn texel(&self, x: usize, y: usize) -> [f32; 4] {
+        self.texels[y * self.width + x]
     }
 
-    /// Largest channel of any texel.
+    /// Largest colour channel of any texel.
     #[must_use]
     pub fn max_component(&self) -> f32 {
-        self.texels.iter().flatten().fold(0.0, |m, &v| m.max(v))
+        self.texels.iter().flat_map(|t| &t[..3]).fold(0.0, |m, &v| m.max(v))
     }
 }
 

@@ -91,7 +91,7 @@ impl Shapes {
 }
 
 pub fn params(model: Model, color: [f32; 3], roughness: f32) -> MaterialParams {
-    MaterialParams { model, base_color: Rgb::from_array(color), texture: None, roughness, ior: 1.5 }
+    MaterialParams { model, base_color: Rgb::from_array(color), roughness, ..MaterialParams::default() }
 }
 
 pub fn material(name: &str, model: Model, color: [f32; 3], roughness: f32) -> Material {
