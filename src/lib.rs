@@ -51,9 +51,13 @@
 //!   and Merging*, ACM TOG 31(6), 2012.
 //! - \[Heitz18\] E. Heitz, *Sampling the GGX Distribution of Visible Normals*, JCGT 7(4),
 //!   2018.
+//! - \[Heitz19\] E. Heitz, *A Low-Distortion Map Between Triangle and Square*, HAL
+//!   hal-02073696, 2019.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
+//! - \[Kolb95\] C. Kolb, D. Mitchell, P. Hanrahan, *A Realistic Camera Model for Computer
+//!   Graphics*, SIGGRAPH 1995.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.
@@ -85,8 +89,12 @@
 //!   Stanford 1997.
 //! - \[Wachter19\] C. Wächter, N. Binder, *A Fast and Robust Method for Avoiding Self-
 //!   Intersection*, Ray Tracing Gems ch. 6, 2019.
+//! - \[Wallace59\] D. Wallace, *Bounds on Normal Approximations to Student's and the
+//!   Chi-Square Distributions*, Ann. Math. Stat. 30, 1959.
 //! - \[Walter07\] B. Walter et al., *Microfacet Models for Refraction through Rough
 //!   Surfaces*, EGSR 2007.
+//! - \[Welch47\] B. Welch, *The Generalization of "Student's" Problem when Several Different
+//!   Population Variances are Involved*, Biometrika 34, 1947.
 //! - \[Welford62\] B. Welford, *Note on a Method for Calculating Corrected Sums of Squares
 //!   and Products*, Technometrics 4(3), 1962.
 

@@ -1,15 +1,15 @@
-//! Pinhole camera.
+//! Perspective camera: a pinhole, or a thin lens.
 //!
 //! Raster space: pixels, x to the right, y down, the film is
 //! `[0, width] × [0, height]`. A pixel's value is the mean radiance over its
 //! area on the film (box filter).
 //!
 //! # References
-//! \[PBRT3\] 16.1.1 (importance of a perspective camera).
+//! \[PBRT3\] 16.1.1 (importance of a perspective camera); \[Kolb95\] 2.1 (thin lens).
 
 use glam::{UVec2, Vec2, Vec3};
 
-use crate::math::SolidAnglePdf;
+use crate::math::{SolidAnglePdf, warp};
 
 /// Largest film: buffers of every light must fit into memory.
 pub const MAX_PIXELS: u32 = 1 << 26;
@@ -23,14 +23,24 @@ pub fn is_film_size(size: UVec2) -> bool {
 /// A perspective camera.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// Position, metres.
+    /// Position of the pinhole or of the lens's centre, metres.
     pub position: Vec3,
+    lens: Option<Lens>,
     right: Vec3,
     up: Vec3,
     forward: Vec3,
     /// Half-width and half-height of the film plane at distance 1.
     half: Vec2,
     size: UVec2,
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture, metres.
+    pub radius: f32,
+    /// Distance of the plane in focus from the lens, along the viewing direction, metres.
+    pub focus_distance: f32,
 }
 
 /// The camera as seen from a point of the scene.
@@ -43,7 +53,7 @@ pub struct CameraWiSample {
     /// Squared distance, m².
     pub dist2: f32,
     /// Importance per unit solid angle at the camera, for the whole film's
-    /// pixel mean, sr⁻¹. For a pinhole it equals the density of the direction.
+    /// pixel mean, sr⁻¹, given the point on the lens: it equals the density of the direction.
     pub we: SolidAnglePdf,
 }
 
@@ -56,10 +66,29 @@ impl Camera {
         let forward = (look_at - position).try_normalize()?;
         let right = forward.cross(up).try_normalize()?;
         let tan = (vfov.to_radians() * 0.5).tan();
-        let mut camera =
-            Self { position, right, up: right.cross(forward), forward, half: Vec2::splat(tan), size };
+        let mut camera = Self {
+            position,
+            lens: None,
+            right,
+            up: right.cross(forward),
+            forward,
+            half: Vec2::splat(tan),
+            size,
+        };
         camera.resize(size);
         Some(camera)
+    }
+
+    /// The camera with a lens; `None` makes it a pinhole again.
+    #[must_use]
+    pub fn with_lens(self, lens: Option<Lens>) -> Self {
+        Self { lens, ..self }
+    }
+
+    /// The lens; `None` for a pinhole.
+    #[must_use]
+    pub fn lens(&self) -> Option<Lens> {
+        self.lens
     }
 
     /// Changes the film size; the vertical field of view stays.
@@ -92,11 +121,28 @@ impl Camera {
         2.0 * self.half.y.atan().to_degrees()
     }
 
-    /// Unit direction of the ray through a raster position.
+    /// Direction through a raster position as the lens's centre sees it, one
+    /// metre long along the viewing direction.
+    fn film_point(&self, raster: Vec2) -> Vec3 {
+        let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
+        self.forward + self.right * (ndc.x * self.half.x) - self.up * (ndc.y * self.half.y)
+    }
+
+    /// Unit direction of the ray through a raster position and the lens's centre.
     #[must_use]
     pub fn direction(&self, raster: Vec2) -> Vec3 {
-        let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
-        (self.forward + self.right * (ndc.x * self.half.x) - self.up * (ndc.y * self.half.y)).normalize()
+        self.film_point(raster).normalize()
+    }
+
+    /// Origin and unit direction of the ray through a raster position and a
+    /// point of the lens that `u` chooses uniformly.
+    #[must_use]
+    pub fn ray(&self, raster: Vec2, u: Vec2) -> (Vec3, Vec3) {
+        let Some(lens) = self.lens else { return (self.position, self.direction(raster)) };
+        let on_lens = warp::square_to_disk(u) * lens.radius;
+        let offset = self.right * on_lens.x + self.up * on_lens.y;
+        let to_focus = self.film_point(raster) * lens.focus_distance - offset;
+        (self.position + offset, to_focus.normalize())
     }
 
     /// Density of a direction when the film is sampled uniformly.
@@ -110,15 +156,21 @@ impl Camera {
         SolidAnglePdf(1.0 / (4.0 * self.half.x * self.half.y * cos * cos * cos))
     }
 
-    /// Connects a point of the scene to the camera; `None` outside the film.
+    /// Connects a point of the scene to the point `on_lens` of the camera;
+    /// `None` outside the film.
     #[must_use]
-    pub fn sample_wi(&self, p: Vec3) -> Option<CameraWiSample> {
-        let d = p - self.position;
+    pub fn sample_wi(&self, on_lens: Vec3, p: Vec3) -> Option<CameraWiSample> {
+        let d = p - on_lens;
         let z = d.dot(self.forward);
         if z <= 0.0 {
             return None;
         }
-        let ndc = Vec2::new(d.dot(self.right), -d.dot(self.up)) / (z * self.half);
+        // Seen from the lens's centre, the ray meets the film where it meets the plane in focus.
+        let seen = match self.lens {
+            None => d / z,
+            Some(lens) => d / z + (on_lens - self.position) / lens.focus_distance,
+        };
+        let ndc = Vec2::new(seen.dot(self.right), -seen.dot(self.up)) / self.half;
         let raster = (ndc + Vec2::ONE) * 0.5 * self.size.as_vec2();
         let size = self.size.as_vec2();
         if !(raster.x >= 0.0 && raster.y >= 0.0 && raster.x < size.x && raster.y < size.y) {
@@ -142,11 +194,27 @@ mod tests {
     fn projection_inverts_ray_generation() {
         let c = camera();
         for raster in [Vec2::new(0.5, 0.5), Vec2::new(20.0, 15.0), Vec2::new(39.7, 3.2)] {
-            let s = c.sample_wi(c.position + c.direction(raster) * 2.5).unwrap();
+            let s = c.sample_wi(c.position, c.position + c.direction(raster) * 2.5).unwrap();
             assert!((s.raster - raster).length() < 1e-4);
             assert!((s.wi + c.direction(raster)).length() < 1e-6);
         }
-        assert!(c.sample_wi(c.position + Vec3::new(1.0, 2.0, 3.0)).is_none());
+        assert!(c.sample_wi(c.position, c.position + Vec3::new(1.0, 2.0, 3.0)).is_none());
+    }
+
+    #[test]
+    fn a_lens_gathers_its_rays_in_the_plane_in_focus() {
+        let c = camera().with_lens(Some(Lens { radius: 0.1, focus_distance: 2.0 }));
+        let raster = Vec2::new(33.3, 4.2);
+        let in_focus = c.position + c.film_point(raster) * 2.0;
+        for u in [Vec2::ZERO, Vec2::new(0.3, 0.9), Vec2::new(0.99, 0.5)] {
+            let (org, dir) = c.ray(raster, u);
+            assert!(org.distance(c.position) <= 0.1 + 1e-6);
+            assert!((in_focus - org).normalize().distance(dir) < 1e-6);
+            for t in [0.5, 2.0, 7.0] {
+                let s = c.sample_wi(org, org + dir * t).unwrap();
+                assert!(s.raster.distance(raster) < 1e-3, "{}", s.raster);
+            }
+        }
     }
 
     #[test]

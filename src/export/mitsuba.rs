@@ -148,13 +148,16 @@ fn light(out: &mut String, l: &Light) -> Result<(), ExportError> {
         Shape::Planar(Planar { cone: Some(cone), .. }) if cone.cos_inner > 0.0 => {
             return Err(ExportError::Spot { light: l.name.clone() });
         }
+        Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => {
+            return Err(ExportError::Spot { light: l.name.clone() });
+        }
         Shape::Point(p) => {
             let _ = write!(
                 out,
                 "    <emitter type=\"point\">\n        \
                  <point name=\"position\" value=\"{}\"/>\n        \
                  <rgb name=\"intensity\" value=\"{}\"/>\n    </emitter>\n",
-                list(*p),
+                list(p.position),
                 list(radiance)
             );
             return Ok(());

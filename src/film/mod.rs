@@ -15,7 +15,10 @@ mod splat;
 
 use glam::{UVec2, Vec2};
 
-use crate::{light::LightId, math::Rgb};
+use crate::{
+    light::{LightId, LightPoint},
+    math::Rgb,
+};
 
 pub use rgb::{LightState, Picture, RgbFilm, RgbRow};
 pub use splat::SplatBuffer;
@@ -50,10 +53,8 @@ impl Strategy {
 pub struct Contribution {
     /// The light the path ends on.
     pub light: LightId,
-    /// Size coordinate of the path's ray at the light.
-    pub rho: f32,
-    /// The path's point on the light, metres.
-    pub light_point: glam::Vec3,
+    /// The path's end on the light; its ρ is the size coordinate.
+    pub at: LightPoint,
     /// Pixel radiance for unit radiance of the light, already weighted.
     pub value: Rgb,
     /// The strategy that sampled the path.

@@ -140,7 +140,7 @@ impl Film for RgbFilm {
 impl RgbRow<'_> {
     /// Whether the contribution counts: emitted at the present size, and a number.
     fn accepts(&self, c: &Contribution) -> bool {
-        if c.rho > self.sizes[c.light as usize] {
+        if c.at.rho > self.sizes[c.light as usize] {
             return false;
         }
         let is_number = c.value.is_finite() && c.value.min_element() >= 0.0;

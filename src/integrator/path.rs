@@ -23,36 +23,32 @@ pub fn sample(
     recorder: &mut impl Recorder,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
-    let _lens = sampler.next_2d();
+    let (mut org, mut dir) = scene.camera.ray(raster, sampler.next_2d());
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
 
-    let mut org = scene.camera.position;
-    let mut dir = scene.camera.direction(raster);
     let mut beta = Rgb::ONE;
     // Density of `dir`; `None` where no other strategy could have sampled the light.
     let mut pdf: Option<SolidAnglePdf> = None;
     for n_edges in 1..=integrator.max_depth {
-        let hit = scene.intersect(org, dir);
-        let t_max = hit.map_or(f32::INFINITY, |h| h.t);
-        scene.for_each_crossing(org, dir, t_max, |id, light, c| {
+        let edge = scene.trace(org, dir, None);
+        scene.for_each_crossing(&edge, |id, light, c| {
             if n_edges == 1 && !light.camera_visible {
                 return;
             }
             let mis_weight = pdf.map_or(1.0, |p| {
-                let nee = scene.light_sampler.pmf(id).0 * light.pdf_li(org, c).0;
+                let nee = scene.light_sampler.pmf(id).0 * light.pdf_li(org, &c.at).0;
                 weight(integrator.heuristic, p.0, nee)
             });
             recorder.add(&Contribution {
                 light: id,
-                rho: c.rho,
-                light_point: c.p,
+                at: c.at,
                 value: beta * c.radiance * mis_weight,
                 strategy: Strategy::new(0, n_edges + 1),
                 mis_weight,
             });
         });
-        let Some(hit) = hit else { return };
+        let Some(hit) = edge.hit else { return };
         if n_edges == integrator.max_depth {
             return;
         }
@@ -98,15 +94,18 @@ fn next_event(
     let light = &scene.lights[id as usize];
     let Some(l) = light.sample_li(si.p, u) else { return };
     let value = beta * si.scatter(wo, l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
-    if value == Rgb::ZERO || !scene.unoccluded(si.spawn_origin(l.wi), l.p) {
+    if value == Rgb::ZERO {
+        return;
+    }
+    let value = value * scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+    if value == Rgb::ZERO {
         return;
     }
     let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
     let mis_weight = weight(integrator.heuristic, l.pdf.0 * pmf.0, hit_pdf);
     recorder.add(&Contribution {
         light: id,
-        rho: l.rho,
-        light_point: l.p,
+        at: l.at,
         value: value * mis_weight,
         strategy: Strategy::new(1, n_edges + 1),
         mis_weight,

@@ -5,26 +5,38 @@
 //! the same light grown. A light is therefore sampled at its `extent` (the
 //! largest size of interest) and every contribution carries its ρ.
 //!
-//! Lights do not block rays. Emission is given for unit radiance: `radiance`
-//! fields of samples hold the light's colour (luminance 1) times its profile,
-//! and films multiply the radiance in.
+//! Lights do not block rays, unless they are declared to. Emission is given for
+//! unit radiance: `radiance` fields of samples hold the light's colour
+//! (luminance 1) times its profile, and films multiply the radiance in.
 //!
 //! | light | ρ of a ray |
 //! | --- | --- |
 //! | rectangle | `max(\|u\|/a, \|v\|/b)` where the ray meets its plane |
 //! | disk, spot | distance from the centre there, over R |
 //! | sphere | distance of closest approach to the centre, over R |
-//! | point | 0 |
+//! | point, distant, environment, emissive mesh | 0 |
+//!
+//! A **light at infinity** (distant, environment) has no area: a point on it is
+//! a direction, densities of such points are per unit solid angle, and those of
+//! what it emits from there per unit area across the direction. With the edge to
+//! it counted as one metre long and the cosine at it as 1 ([`Light::distance2`],
+//! [`LightPoint::n`]), every conversion of densities keeps its form.
 
+mod environment;
+mod mesh;
 mod planar;
+mod point;
 mod size;
 mod sphere;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{AreaPdf, Frame, Pmf, Rgb, SolidAnglePdf, luminance, warp};
+use crate::math::{AreaPdf, Frame, Pmf, Rgb, SolidAnglePdf, luminance};
 
+pub use environment::{Distant, Environment, RadianceMap, Surroundings};
+pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
 pub use planar::{Cone, Outline, Planar};
+pub use point::Point;
 pub use size::SizeDensity;
 pub use sphere::Sphere;
 
@@ -38,8 +50,14 @@ pub enum Shape {
     Planar(Planar),
     /// Sphere emitting outward.
     Sphere(Sphere),
-    /// Isotropic point; its radiance is an intensity, W·sr⁻¹.
-    Point(Vec3),
+    /// A point; its radiance is an intensity, W·sr⁻¹.
+    Point(Point),
+    /// A single direction; its radiance is an irradiance across it, W·m⁻².
+    Distant(Distant),
+    /// All directions from infinity.
+    Environment(Environment),
+    /// Emissive triangles of the scene.
+    Mesh(MeshLight),
 }
 
 /// A light source.
@@ -59,6 +77,22 @@ pub struct Light {
     pub size_density: SizeDensity,
     /// Whether one-edge paths (light straight to camera) are seen.
     pub camera_visible: bool,
+    /// Whether its planar or spherical body is black and stops rays.
+    pub occludes: bool,
+}
+
+/// The end of a path on a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightPoint {
+    /// Position, metres; of a light at infinity, somewhere beyond the scene.
+    pub p: Vec3,
+    /// Unit normal of the emitting side; zero for a point light, the direction
+    /// of emission for a light at infinity.
+    pub n: Vec3,
+    /// Size coordinate.
+    pub rho: f32,
+    /// Which triangle of an emissive mesh.
+    pub element: u32,
 }
 
 /// A light met by a ray before its first surface.
@@ -67,11 +101,7 @@ pub struct Crossing {
     /// Ray parameter.
     pub t: f32,
     /// The point, on the light at its extent.
-    pub p: Vec3,
-    /// Unit normal of the emitting side there.
-    pub n: Vec3,
-    /// Size coordinate of the ray.
-    pub rho: f32,
+    pub at: LightPoint,
     /// Unit radiance times colour and profile toward the ray's origin.
     pub radiance: Rgb,
 }
@@ -80,19 +110,15 @@ pub struct Crossing {
 #[derive(Clone, Copy, Debug)]
 pub struct LightLiSample {
     /// Emitted toward the reference point for L = 1, W·sr⁻¹·m⁻²; for a point
-    /// light the intensity over the squared distance.
+    /// light the intensity over the squared distance, for a distant one the irradiance.
     pub radiance: Rgb,
     /// Unit direction from the reference point to the light.
     pub wi: Vec3,
     /// Per unit solid angle at the reference point, without the selection
-    /// [`Pmf`]; 1 for a point light.
+    /// [`Pmf`]; 1 for a point or distant light.
     pub pdf: SolidAnglePdf,
     /// Point on the light.
-    pub p: Vec3,
-    /// Unit normal there; zero for a point light.
-    pub n: Vec3,
-    /// Size coordinate.
-    pub rho: f32,
+    pub at: LightPoint,
 }
 
 /// A sampled emission: the first edge of a light subpath.
@@ -100,45 +126,100 @@ pub struct LightLiSample {
 pub struct LightLeSample {
     /// Emitted along `dir` for L = 1.
     pub radiance: Rgb,
-    /// Point on the light.
-    pub p: Vec3,
-    /// Unit normal there; zero for a point light.
-    pub n: Vec3,
+    /// Point on the light, where the ray starts.
+    pub at: LightPoint,
     /// Unit direction of emission.
     pub dir: Vec3,
-    /// Size coordinate.
-    pub rho: f32,
-    /// Density of `p`; 1 for a point light.
+    /// Density of the point; 1 for a point or distant light.
     pub pdf_pos: AreaPdf,
-    /// Density of `dir` given `p`.
+    /// Density of `dir` given the point.
     pub pdf_dir: SolidAnglePdf,
 }
 
 impl Light {
-    /// Whether the light is a single position: no ray can hit it.
+    /// Whether the light is a single position or direction: no ray can hit it.
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        matches!(self.shape, Shape::Point(_))
+        matches!(self.shape, Shape::Point(_) | Shape::Distant(_))
+    }
+
+    /// Whether the light is infinitely far away.
+    #[must_use]
+    pub fn is_infinite(&self) -> bool {
+        matches!(self.shape, Shape::Distant(_) | Shape::Environment(_))
     }
 
     /// Whether the light has a size that can vary.
     #[must_use]
     pub fn has_size(&self) -> bool {
-        !self.is_delta()
+        matches!(self.shape, Shape::Planar(_) | Shape::Sphere(_)) && !self.occludes
+    }
+
+    /// Unit of its radiance.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        match self.shape {
+            Shape::Point(_) => "W/sr",
+            Shape::Distant(_) => "W/m2",
+            _ => "W/m2/sr",
+        }
+    }
+
+    /// Tells a light at infinity where the scene is.
+    pub fn surround(&mut self, scene: Surroundings) {
+        match &mut self.shape {
+            Shape::Distant(s) => s.scene = scene,
+            Shape::Environment(s) => s.scene = scene,
+            _ => {}
+        }
+    }
+
+    /// Squared length of the edge between the light at `on_light` and `p`, m²;
+    /// 1 for a light at infinity.
+    #[must_use]
+    pub fn distance2(&self, on_light: Vec3, p: Vec3) -> f32 {
+        if self.is_infinite() { 1.0 } else { on_light.distance_squared(p) }
     }
 
     /// Where the ray from `org` along unit `dir` crosses the emitting side
-    /// within `(0, t_max)`, at the light's extent.
+    /// within `(0, t_max)`, at the light's extent. An environment is crossed by
+    /// a ray that is infinite; an emissive mesh never, for its triangles are surfaces.
     #[must_use]
     pub fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32) -> Option<Crossing> {
         let extent = self.size_density.extent();
         let mut c = match &self.shape {
             Shape::Planar(s) => s.crossing(org, dir, t_max, extent),
             Shape::Sphere(s) => s.crossing(org, dir, t_max, extent),
-            Shape::Point(_) => None,
+            Shape::Environment(s) => (t_max == f32::INFINITY).then(|| s.crossing(org, dir)),
+            Shape::Point(_) | Shape::Distant(_) | Shape::Mesh(_) => None,
         }?;
         c.radiance *= self.color;
         Some(c)
+    }
+
+    /// The light of an emissive mesh met at a point of its triangle `prim` by a
+    /// ray along `dir` of length `t`; `None` from a side that does not emit.
+    #[must_use]
+    pub fn surface_crossing(&self, prim: u32, p: Vec3, uv: Vec2, dir: Vec3, t: f32) -> Option<Crossing> {
+        let Shape::Mesh(s) = &self.shape else { return None };
+        let mut c = s.crossing(prim, p, uv, dir, t)?;
+        c.radiance *= self.color;
+        Some(c)
+    }
+
+    /// Where the ray meets the light's body within `(0, t_max)`; `None` for a
+    /// light that does not stop rays.
+    #[must_use]
+    pub fn stop(&self, org: Vec3, dir: Vec3, t_max: f32) -> Option<f32> {
+        if !self.occludes {
+            return None;
+        }
+        let t = match &self.shape {
+            Shape::Planar(s) => s.stop(org, dir, self.size),
+            Shape::Sphere(s) => s.stop(org, dir, self.size),
+            _ => None,
+        }?;
+        (t > 0.0 && t < t_max).then_some(t)
     }
 
     /// Samples a point on the light as seen from `reference`; `None` when it
@@ -148,35 +229,29 @@ impl Light {
         let mut s = match &self.shape {
             Shape::Planar(s) => s.sample_li(reference, &self.size_density, u),
             Shape::Sphere(s) => s.sample_li(reference, &self.size_density, u),
-            Shape::Point(p) => {
-                let d = *p - reference;
-                let d2 = d.length_squared();
-                (d2 > 0.0).then(|| LightLiSample {
-                    radiance: Rgb::splat(1.0 / d2),
-                    wi: d / d2.sqrt(),
-                    pdf: SolidAnglePdf(1.0),
-                    p: *p,
-                    n: Vec3::ZERO,
-                    rho: 0.0,
-                })
-            }
+            Shape::Point(s) => s.sample_li(reference),
+            Shape::Distant(s) => Some(s.sample_li(reference)),
+            Shape::Environment(s) => s.sample_li(reference, u),
+            Shape::Mesh(s) => s.sample_li(reference, u),
         }?;
         s.radiance *= self.color;
         Some(s)
     }
 
-    /// Density with which [`Self::sample_li`] draws the point `c` from
+    /// Density with which [`Self::sample_li`] draws the point `at` from
     /// `reference`, per unit solid angle there, without the selection [`Pmf`].
     #[must_use]
-    pub fn pdf_li(&self, reference: Vec3, c: &Crossing) -> SolidAnglePdf {
+    pub fn pdf_li(&self, reference: Vec3, at: &LightPoint) -> SolidAnglePdf {
+        let from_area = |pdf: AreaPdf| {
+            let d = at.p - reference;
+            pdf.to_solid_angle(d.length_squared(), at.n.dot(d.normalize()))
+        };
         match &self.shape {
-            Shape::Planar(s) => {
-                let d = c.p - reference;
-                s.pdf_pos(&self.size_density, c.rho)
-                    .to_solid_angle(d.length_squared(), c.n.dot(d.normalize()))
-            }
-            Shape::Sphere(s) => s.pdf_li(reference, &self.size_density, c.rho),
-            Shape::Point(_) => SolidAnglePdf(0.0),
+            Shape::Planar(s) => from_area(s.pdf_pos(&self.size_density, at.rho)),
+            Shape::Sphere(s) => s.pdf_li(reference, &self.size_density, at.rho),
+            Shape::Environment(s) => s.pdf(-at.n),
+            Shape::Mesh(s) => from_area(s.pdf_pos(at.element)),
+            Shape::Point(_) | Shape::Distant(_) => SolidAnglePdf(0.0),
         }
     }
 
@@ -186,40 +261,41 @@ impl Light {
         let mut s = match &self.shape {
             Shape::Planar(s) => s.sample_le(&self.size_density, u_pos, u_dir),
             Shape::Sphere(s) => s.sample_le(&self.size_density, u_pos, u_dir),
-            Shape::Point(p) => Some(LightLeSample {
-                radiance: Rgb::ONE,
-                p: *p,
-                n: Vec3::ZERO,
-                dir: warp::square_to_sphere(u_dir),
-                rho: 0.0,
-                pdf_pos: AreaPdf(1.0),
-                pdf_dir: warp::UNIFORM_SPHERE_PDF,
-            }),
+            Shape::Point(s) => s.sample_le(u_dir),
+            Shape::Distant(s) => Some(s.sample_le(u_dir)),
+            Shape::Environment(s) => s.sample_le(u_pos, u_dir),
+            Shape::Mesh(s) => s.sample_le(u_pos, u_dir),
         }?;
         s.radiance *= self.color;
         Some(s)
     }
 
-    /// Densities with which [`Self::sample_le`] draws the point `p` (normal
-    /// `n`) and the direction `dir` with size coordinate `rho`.
+    /// Densities with which [`Self::sample_le`] draws the point `at` and the
+    /// direction `dir`.
     #[must_use]
-    pub fn pdf_le(&self, n: Vec3, dir: Vec3, rho: f32) -> (AreaPdf, SolidAnglePdf) {
+    pub fn pdf_le(&self, at: &LightPoint, dir: Vec3) -> (AreaPdf, SolidAnglePdf) {
         match &self.shape {
-            Shape::Planar(s) => (s.pdf_pos(&self.size_density, rho), s.pdf_dir(dir)),
-            Shape::Sphere(s) => s.pdf_le(&self.size_density, n, dir, rho),
-            Shape::Point(_) => (AreaPdf(1.0), warp::UNIFORM_SPHERE_PDF),
+            Shape::Planar(s) => (s.pdf_pos(&self.size_density, at.rho), s.pdf_dir(dir)),
+            Shape::Sphere(s) => s.pdf_le(&self.size_density, at.n, dir, at.rho),
+            Shape::Point(s) => (AreaPdf(1.0), s.pdf_dir(dir)),
+            Shape::Distant(s) => (AreaPdf(1.0), SolidAnglePdf(s.scene.disk_pdf())),
+            Shape::Environment(s) => (AreaPdf(s.pdf(-dir).0), SolidAnglePdf(s.scene.disk_pdf())),
+            Shape::Mesh(s) => (s.pdf_pos(at.element), s.pdf_dir(at.n, dir)),
         }
     }
 
-    /// Power emitted for unit radiance at size `s`, luminance-weighted, W.
+    /// Power emitted for unit radiance at size `s`, luminance-weighted, W; of a
+    /// light at infinity, what enters the scene's bounding sphere.
     #[must_use]
     pub fn unit_power(&self, s: f32) -> f32 {
-        luminance(self.color)
-            * match &self.shape {
-                Shape::Planar(p) => p.power(s),
-                Shape::Sphere(p) => p.power(s),
-                Shape::Point(_) => 4.0 * std::f32::consts::PI,
-            }
+        match &self.shape {
+            Shape::Planar(p) => p.power(s) * luminance(self.color),
+            Shape::Sphere(p) => p.power(s) * luminance(self.color),
+            Shape::Point(p) => p.power() * luminance(self.color),
+            Shape::Distant(p) => luminance(self.color) / p.scene.disk_pdf(),
+            Shape::Environment(p) => luminance(self.color * p.power()),
+            Shape::Mesh(p) => luminance(self.color * p.power()),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Crossing, LightLeSample, LightLiSample, SizeDensity};
+use super::{Crossing, LightLeSample, LightLiSample, LightPoint, SizeDensity};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
 /// Outline at unit size.
@@ -35,7 +35,7 @@ pub struct Cone {
 
 impl Cone {
     /// Relative radiance at `cos_theta` from the axis: a smooth step in the cosine.
-    fn profile(&self, cos_theta: f32) -> f32 {
+    pub(super) fn profile(&self, cos_theta: f32) -> f32 {
         let width = self.cos_inner - self.cos_outer;
         if width <= 0.0 {
             return if cos_theta >= self.cos_outer { 1.0 } else { 0.0 };
@@ -111,7 +111,15 @@ impl Planar {
         let d = p - self.center;
         let rho = self.rho(Vec2::new(d.dot(self.frame.s), d.dot(self.frame.t)));
         let radiance = Rgb::splat(self.profile(cos));
-        (rho <= extent && radiance.x > 0.0).then_some(Crossing { t, p, n: self.frame.n, rho, radiance })
+        let at = LightPoint { p, n: self.frame.n, rho, element: 0 };
+        (rho <= extent && radiance.x > 0.0).then_some(Crossing { t, at, radiance })
+    }
+
+    /// Ray parameter at which the outline of size `s` is met, from either side.
+    pub(super) fn stop(&self, org: Vec3, dir: Vec3, s: f32) -> Option<f32> {
+        let t = (self.center - org).dot(self.frame.n) / dir.dot(self.frame.n);
+        let d = org + dir * t - self.center;
+        (self.rho(Vec2::new(d.dot(self.frame.s), d.dot(self.frame.t))) <= s).then_some(t)
     }
 
     /// Area density of a point with size coordinate `rho`: q(ρ)/A'(ρ).
@@ -144,7 +152,8 @@ impl Planar {
             return None;
         }
         let pdf = self.pdf_pos(q, rho).to_solid_angle(d2, cos);
-        Some(LightLiSample { radiance, wi, pdf, p, n: self.frame.n, rho })
+        let at = LightPoint { p, n: self.frame.n, rho, element: 0 };
+        Some(LightLiSample { radiance, wi, pdf, at })
     }
 
     pub(super) fn sample_le(&self, q: &SizeDensity, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
@@ -155,10 +164,8 @@ impl Planar {
         let radiance = Rgb::splat(self.profile(cos));
         (radiance.x > 0.0).then(|| LightLeSample {
             radiance,
-            p: self.point(rho, u_pos.y),
-            n: self.frame.n,
+            at: LightPoint { p: self.point(rho, u_pos.y), n: self.frame.n, rho, element: 0 },
             dir,
-            rho,
             pdf_pos: self.pdf_pos(q, rho),
             pdf_dir: SolidAnglePdf(cos / (PI * self.sin2_max())),
         })

@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Crossing, LightLeSample, LightLiSample, SizeDensity};
+use super::{Crossing, LightLeSample, LightLiSample, LightPoint, SizeDensity};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
 /// A spherical emitter.
@@ -35,13 +35,8 @@ impl Sphere {
             return None;
         }
         let p = org + dir * t;
-        Some(Crossing {
-            t,
-            p,
-            n: (p - self.center) / r,
-            rho: perpendicular / self.radius,
-            radiance: Rgb::ONE,
-        })
+        let at = LightPoint { p, n: (p - self.center) / r, rho: perpendicular / self.radius, element: 0 };
+        Some(Crossing { t, at, radiance: Rgb::ONE })
     }
 
     pub(super) fn sample_li(&self, reference: Vec3, q: &SizeDensity, u: Vec2) -> Option<LightLiSample> {
@@ -64,9 +59,7 @@ impl Sphere {
             radiance: Rgb::ONE,
             wi,
             pdf: self.pdf_li(reference, q, rho),
-            p,
-            n: (p - self.center) / r,
-            rho,
+            at: LightPoint { p, n: (p - self.center) / r, rho, element: 0 },
         })
     }
 
@@ -88,10 +81,8 @@ impl Sphere {
         let (pdf_pos, pdf_dir) = self.pdf_le(q, n, dir, rho);
         (pdf_dir.0 > 0.0).then(|| LightLeSample {
             radiance: Rgb::ONE,
-            p: self.center + n * (self.radius * q.extent()),
-            n,
+            at: LightPoint { p: self.center + n * (self.radius * q.extent()), n, rho, element: 0 },
             dir,
-            rho,
             pdf_pos,
             pdf_dir,
         })
@@ -104,6 +95,19 @@ impl Sphere {
             AreaPdf(1.0 / (4.0 * PI * self.radius * self.radius * s2)),
             SolidAnglePdf(q.pdf_over_rho(rho) * s2 * n.dot(dir).max(0.0) / (2.0 * PI)),
         )
+    }
+
+    /// First ray parameter at which the ball of size `s` is entered or left.
+    pub(super) fn stop(&self, org: Vec3, dir: Vec3, s: f32) -> Option<f32> {
+        let r2 = (self.radius * s).powi(2);
+        let oc = org - self.center;
+        let b = -oc.dot(dir);
+        let half = (r2 - (oc + b * dir).length_squared()).max(-1.0);
+        if half < 0.0 {
+            return None;
+        }
+        let half = half.sqrt();
+        if b - half > 0.0 { Some(b - half) } else { Some(b + half) }
     }
 
     /// Power at unit radiance and size `s`, W.

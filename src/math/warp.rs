@@ -23,6 +23,13 @@ pub fn square_to_disk(u: Vec2) -> Vec2 {
     r * Vec2::new(theta.cos(), theta.sin())
 }
 
+/// Barycentric coordinates of a uniform point of a triangle. \[Heitz19\]
+#[must_use]
+pub fn square_to_triangle(u: Vec2) -> Vec3 {
+    let (a, b) = if u.x < u.y { (0.5 * u.x, u.y - 0.5 * u.x) } else { (u.x - 0.5 * u.y, 0.5 * u.y) };
+    Vec3::new(a, b, (1.0 - a - b).max(0.0))
+}
+
 /// Direction of the upper hemisphere with density cos θ / π.
 #[must_use]
 pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {

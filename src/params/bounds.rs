@@ -23,7 +23,7 @@ const MAX_EXTENT: f32 = 0.5;
 /// `[s_min, s_max]`; `None` for a light without size.
 #[must_use]
 pub fn size_range(scene: &Scene, light: &Light, film: UVec2) -> Option<[f32; 2]> {
-    let unit = unit_extent(light)?;
+    let unit = unit_extent(light).filter(|_| light.has_size())?;
     let diagonal = scene_diagonal(&scene.mesh);
     let limit = cutting_size(&scene.mesh, light)
         .min(covering_size(scene, light, film))
@@ -40,7 +40,7 @@ fn unit_extent(light: &Light) -> Option<f32> {
             Outline::Disk { r } => r,
         }),
         Shape::Sphere(s) => Some(s.radius),
-        Shape::Point(_) => None,
+        Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => None,
     }
 }
 
@@ -59,7 +59,7 @@ pub fn cutting_size(mesh: &Mesh, light: &Light) -> f32 {
         .map(|t| match &light.shape {
             Shape::Planar(p) => planar_size(p, mesh.corners(t)),
             Shape::Sphere(s) => point_triangle_distance(s.center, mesh.corners(t)) / s.radius,
-            Shape::Point(_) => f32::INFINITY,
+            _ => f32::INFINITY,
         })
         .fold(f32::INFINITY, f32::min)
 }
@@ -113,7 +113,7 @@ fn ray_size(light: &Light, org: Vec3, dir: Vec3, t_max: f32) -> f32 {
             }
             (oc - dir * t).length() / s.radius
         }
-        Shape::Point(_) => f32::INFINITY,
+        _ => f32::INFINITY,
     }
 }
 
@@ -308,6 +308,7 @@ mod tests {
             size: 1.0,
             size_density: crate::light::SizeDensity::UniformArea { extent: 1.0 },
             camera_visible: true,
+            occludes: false,
         };
         assert!((cutting_size(&mesh, &light) - 4.0).abs() < 1e-5);
     }

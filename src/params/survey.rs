@@ -184,7 +184,7 @@ pub fn variables(
             let upper = limits.radiance_max.map_or(found, f64::from);
             variables.push(Variable {
                 name: format!("{}.radiance", light.name),
-                unit: if light.is_delta() { "W/sr" } else { "W/m2/sr" },
+                unit: light.unit(),
                 lower: 0.0,
                 upper,
                 initial: (gain / means[i]).min(upper),

@@ -1,5 +1,7 @@
 //! Merges OBJ and sidecar into a [`Scene`] and checks both.
 
+mod lights;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -11,15 +13,14 @@ use super::{
     Scene,
     material::{Coats, Material, MaterialParams},
     obj,
-    sidecar::{LightSpec, LightType, MaterialSpec, Selection, Sidecar},
+    sidecar::{MaterialSpec, Selection, Sidecar},
     wavefront::{LineError, Part},
 };
 use crate::{
-    camera::{Camera, MAX_PIXELS, is_film_size},
+    camera::{Camera, Lens, MAX_PIXELS, is_film_size},
     embree::EmbreeError,
     files::{nearest, toml_file::TomlError},
-    light::{Cone, Light, Outline, Planar, Shape, SizeDensity, Sphere, look_frame},
-    math::{Rgb, luminance},
+    math::Rgb,
 };
 
 /// A scene could not be loaded.
@@ -48,6 +49,8 @@ pub enum SceneError {
     Toml(#[from] TomlError),
     #[error(transparent)]
     Texture(#[from] super::texture::TextureError),
+    #[error("{path}: `{key}`", path = path.display())]
+    Picture { path: PathBuf, key: String, source: Box<crate::film::image_file::ImageFileError> },
     #[error("{path}: cannot build the ray-tracing structure", path = path.display())]
     Embree { path: PathBuf, source: EmbreeError },
 }
@@ -193,21 +196,7 @@ impl Builder<'_> {
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
         }
-        let mut names = std::collections::HashSet::new();
-        for (i, l) in sidecar.lights.iter().enumerate() {
-            // EXR parts bear the names.
-            let is_plain = l.name.chars().all(|c| c == ' ' || c.is_ascii_graphic());
-            if l.name.trim().is_empty() || l.name.len() > 200 || !is_plain {
-                let message = format!("must be 1 to 200 ASCII characters, got {:?}", l.name);
-                return Err(self.error(format!("lights[{}].name", i + 1), message));
-            }
-            if !names.insert(&l.name) {
-                return Err(self.error(format!("lights.{}", l.name), "two lights have this name"));
-            }
-        }
-        let lights: Vec<Light> = sidecar.lights.iter().map(|l| self.light(l)).collect::<Result<_, _>>()?;
-        let light_bounds =
-            sidecar.lights.iter().map(|l| self.light_bounds(sidecar, l)).collect::<Result<_, _>>()?;
+        let (lights, light_bounds) = self.lights(sidecar, &mesh, &materials, &mut warnings)?;
         let camera = self.camera(sidecar)?;
         if let Some([lo, hi]) = sidecar.background.value_range
             && !(lo >= 0.0 && lo <= hi && hi.is_finite())
@@ -380,111 +369,21 @@ impl Builder<'_> {
             let allowed = format!("must be at least 1 x 1 and at most {MAX_PIXELS} pixels");
             return Err(self.error("camera.size", format!("{allowed}, got {:?}", c.size)));
         }
-        Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
-            .ok_or_else(|| self.error("camera.look_at", "must differ from `position` and not lie along `up`"))
-    }
-
-    fn light_bounds(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightBounds, SceneError> {
-        use super::sidecar::FreeKind::{Radiance, Size};
-        if let Some([lo, hi]) = l.size_range
-            && !(lo > 0.0 && lo <= hi && hi.is_finite())
-        {
-            let key = format!("lights.{}.size_range", l.name);
-            return Err(self.error(key, format!("must be 0 < min <= max, got [{lo}, {hi}]")));
-        }
-        if let Some(max) = l.radiance_max {
-            self.positive(&format!("lights.{}.radiance_max", l.name), max)?;
-        }
-        let free = |kind| sidecar.free.contains(kind) && l.free.as_ref().is_none_or(|f| f.contains(kind));
-        Ok(LightBounds {
-            size: l.size_range,
-            radiance_max: l.radiance_max,
-            radiance_free: free(Radiance),
-            size_free: free(Size) && l.kind != LightType::Point,
-        })
-    }
-
-    fn light(&self, l: &LightSpec) -> Result<Light, SceneError> {
-        let key = |k: &str| format!("lights.{}.{k}", l.name);
-        let missing = |k: &str, kind: &str| self.error(key(k), format!("a {kind} light needs this key"));
-        let unused = |k: &str, given: bool, kinds: &str| {
-            if given { Err(self.error(key(k), format!("only for {kinds}"))) } else { Ok(()) }
-        };
-        let planar = matches!(l.kind, LightType::Rectangle | LightType::Disk | LightType::Spot);
-        let has_radius = matches!(l.kind, LightType::Disk | LightType::Sphere | LightType::Spot);
-        unused("half_extents", l.half_extents.is_some() && l.kind != LightType::Rectangle, "a rectangle")?;
-        unused("look_at", l.look_at.is_some() && !planar, "a rectangle, disk or spot")?;
-        unused("angle", l.angle.is_some() && l.kind != LightType::Spot, "a spot")?;
-        unused("softness", l.softness.is_some() && l.kind != LightType::Spot, "a spot")?;
-        unused("radius", l.radius.is_some() && !has_radius, "a disk, sphere or spot")?;
-        unused("size_range", l.size_range.is_some() && l.kind == LightType::Point, "a light with a size")?;
-        self.finite(&key("position"), l.position)?;
-        self.finite(&key("up"), l.up)?;
-        let center = Vec3::from_array(l.position);
-        let radius = |kind: &str| match l.radius {
-            Some(r) => self.positive(&key("radius"), r),
-            None => Err(missing("radius", kind)),
-        };
-        let frame = |kind: &str| {
-            let target = l.look_at.ok_or_else(|| missing("look_at", kind))?;
-            self.finite(&key("look_at"), target)?;
-            let normal = (Vec3::from_array(target) - center)
-                .try_normalize()
-                .ok_or_else(|| self.error(key("look_at"), "must differ from `position`"))?;
-            Ok::<_, SceneError>(look_frame(normal, l.up.into()))
-        };
-        let shape = match l.kind {
-            LightType::Point => Shape::Point(center),
-            LightType::Sphere => Shape::Sphere(Sphere { center, radius: radius("sphere")? }),
-            LightType::Rectangle => {
-                let [a, b] = l.half_extents.ok_or_else(|| missing("half_extents", "rectangle"))?;
-                self.positive(&key("half_extents"), a)?;
-                self.positive(&key("half_extents"), b)?;
-                Shape::Planar(Planar {
-                    center,
-                    frame: frame("rectangle")?,
-                    outline: Outline::Rectangle { a, b },
-                    cone: None,
-                })
-            }
-            LightType::Disk => {
-                let outline = Outline::Disk { r: radius("disk")? };
-                Shape::Planar(Planar { center, frame: frame("disk")?, outline, cone: None })
-            }
-            LightType::Spot => {
-                let outline = Outline::Disk { r: radius("spot")? };
-                let angle = l.angle.ok_or_else(|| missing("angle", "spot"))?;
-                if !(angle > 0.0 && angle <= 90.0) {
-                    return Err(self.error(key("angle"), format!("must be in (0, 90] degrees, got {angle}")));
-                }
-                let softness = l.softness.unwrap_or(0.2);
-                if !(0.0..=1.0).contains(&softness) {
-                    return Err(self.error(key("softness"), format!("must be in [0, 1], got {softness}")));
-                }
-                let cos = |a: f32| a.to_radians().cos().max(0.0);
-                let cone = Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle) };
-                Shape::Planar(Planar { center, frame: frame("spot")?, outline, cone: Some(cone) })
+        let camera =
+            Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
+                .ok_or_else(|| {
+                    self.error("camera.look_at", "must differ from `position` and not lie along `up`")
+                })?;
+        let lens = match (c.aperture_radius, c.focus_distance) {
+            (None, None) => None,
+            (None, Some(_)) => return Err(self.error("camera.focus_distance", "needs `aperture_radius`")),
+            (Some(radius), focus) => {
+                let radius = self.positive("camera.aperture_radius", radius)?;
+                let looked_at = Vec3::from(c.look_at).distance(c.position.into());
+                let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or(looked_at))?;
+                Some(Lens { radius, focus_distance })
             }
         };
-        let color = Rgb::from_array(l.color);
-        let y = luminance(color);
-        if !(color.min_element() >= 0.0 && y > 0.0 && color.is_finite()) {
-            return Err(
-                self.error(key("color"), format!("channels must be >= 0 and not all 0, got {:?}", l.color))
-            );
-        }
-        let size = self.positive(&key("size"), l.size)?;
-        if !(l.radiance >= 0.0 && l.radiance.is_finite()) {
-            return Err(self.error(key("radiance"), format!("must be >= 0, got {}", l.radiance)));
-        }
-        Ok(Light {
-            name: l.name.clone(),
-            shape,
-            color: color / y,
-            radiance: l.radiance,
-            size,
-            size_density: SizeDensity::UniformArea { extent: size },
-            camera_visible: l.camera_visible,
-        })
+        Ok(camera.with_lens(lens))
     }
 }

@@ -252,6 +252,12 @@ impl Material {
         self.emission
     }
 
+    /// Image that multiplies the emission.
+    #[must_use]
+    pub fn emission_texture(&self) -> Option<&Texture> {
+        self.emission_texture.as_deref()
+    }
+
     /// Radiance emitted at `uv`, W·m⁻²·sr⁻¹.
     #[must_use]
     pub fn emission(&self, uv: Vec2) -> Rgb {

@@ -14,9 +14,9 @@ use glam::{Vec2, Vec3};
 
 use crate::{
     camera::Camera,
-    embree::{Accel, EmbreeError, Ray, TriangleMesh},
-    light::{Crossing, Light, LightId, LightSampler},
-    math::Frame,
+    embree::{Accel, EmbreeError, Hit, Ray, TriangleMesh},
+    light::{Crossing, Light, LightId, LightSampler, Shape},
+    math::{Frame, hash::hash_words},
 };
 
 pub use builder::{SceneError, load};
@@ -27,6 +27,15 @@ pub use mesh::Mesh;
 /// Fraction of a connection's length that its shadow ray covers: the rest is
 /// where the far surface begins.
 const SHADOW_LENGTH: f32 = 1.0 - 1e-4;
+/// Partly transparent surfaces that a ray passes, at most: what lies behind them is lost.
+const MAX_LAYERS: u32 = 1024;
+
+/// A variate in (0, 1] that only the ray and the triangle decide.
+fn uniform(org: Vec3, dir: Vec3, prim: u32) -> f32 {
+    let word = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+    let h = hash_words(&[word(org.x, org.y), word(org.z, dir.x), word(dir.y, dir.z), u64::from(prim)]);
+    ((h >> 40) as f32 + 1.0) / (1 << 24) as f32
+}
 
 /// A scene ready to render.
 #[derive(Debug)]
@@ -60,6 +69,24 @@ pub struct Scene {
     pub free: sidecar::FreeVariables,
     /// Facts found while loading that a user should hear of.
     pub warnings: Vec<String>,
+    /// The emissive mesh that a material belongs to.
+    emitters: Vec<Option<LightId>>,
+    is_translucent: bool,
+    n_stopping_lights: usize,
+}
+
+/// A ray and what ends it: a surface, a light that stops rays, or nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge<'a> {
+    /// Origin.
+    pub org: Vec3,
+    /// Unit direction.
+    pub dir: Vec3,
+    /// The surface at its end.
+    pub hit: Option<SurfaceHit<'a>>,
+    /// Ray parameter of its end; infinite when nothing stops it.
+    pub t_max: f32,
+    stopped_by: Option<LightId>,
 }
 
 /// A ray's first surface and how far it is.
@@ -89,7 +116,21 @@ impl Scene {
         camera: Camera,
     ) -> Result<Self, EmbreeError> {
         let accel = Accel::build(&[TriangleMesh { positions: &mesh.positions, indices: &mesh.indices }])?;
+        let surroundings = mesh.surroundings(camera.position);
+        let mut lights = lights;
+        let mut emitters = vec![None; materials.len()];
+        for (i, light) in lights.iter_mut().enumerate() {
+            light.surround(surroundings);
+            if let Shape::Mesh(shape) = &light.shape {
+                for prim in shape.prims() {
+                    emitters[mesh.materials[prim as usize] as usize] = Some(i as LightId);
+                }
+            }
+        }
         Ok(Self {
+            emitters,
+            is_translucent: materials.iter().any(Material::is_translucent),
+            n_stopping_lights: lights.iter().filter(|l| l.occludes).count(),
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],
@@ -108,10 +149,71 @@ impl Scene {
         })
     }
 
-    /// First surface along a ray with unit direction.
+    /// First surface along a ray with unit direction; one that is less than half
+    /// opaque does not count.
     #[must_use]
     pub fn intersect(&self, org: Vec3, dir: Vec3) -> Option<SurfaceHit<'_>> {
-        let hit = self.accel.intersect(&Ray { org, dir, t_min: 0.0, t_max: f32::INFINITY })?;
+        self.first_surface(org, dir, |opacity, _| opacity >= 0.5)
+    }
+
+    /// Follows a ray with unit direction to what ends it. At a surface that is
+    /// partly transparent it ends with the opacity as probability. A light
+    /// never stops rays that start on it (`origin`).
+    #[must_use]
+    pub fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>) -> Edge<'_> {
+        let hit = self.first_surface(org, dir, |opacity, prim| opacity >= uniform(org, dir, prim));
+        let mut edge =
+            Edge { org, dir, hit, t_max: hit.map_or(f32::INFINITY, |hit| hit.t), stopped_by: None };
+        if let Some((light, t)) = self.first_stop(org, dir, edge.t_max, origin) {
+            edge = Edge { hit: None, t_max: t, stopped_by: Some(light), ..edge };
+        }
+        edge
+    }
+
+    /// The first surface that `accept` takes by its opacity and its triangle.
+    fn first_surface(
+        &self,
+        org: Vec3,
+        dir: Vec3,
+        accept: impl Fn(f32, u32) -> bool,
+    ) -> Option<SurfaceHit<'_>> {
+        let (mut from, mut passed) = (org, 0.0);
+        for _ in 0..MAX_LAYERS {
+            let hit = self.accel.intersect(&Ray { org: from, dir, t_min: 0.0, t_max: f32::INFINITY })?;
+            let hit = SurfaceHit { t: passed + hit.t, ..self.surface(&hit, dir) };
+            let material = &self.materials[hit.material as usize];
+            if !material.is_translucent() || accept(material.opacity(hit.uv), hit.si.triangle) {
+                return Some(hit);
+            }
+            from = hit.si.spawn_origin(dir);
+            passed = (from - org).dot(dir);
+        }
+        None
+    }
+
+    /// The first of the lights that stop rays, but for `except`.
+    fn first_stop(
+        &self,
+        org: Vec3,
+        dir: Vec3,
+        t_max: f32,
+        except: Option<LightId>,
+    ) -> Option<(LightId, f32)> {
+        if self.n_stopping_lights == 0 {
+            return None;
+        }
+        let mut first = None;
+        let mut t_max = t_max;
+        for (i, light) in self.lights.iter().enumerate() {
+            if let Some(t) = light.stop(org, dir, t_max).filter(|_| except != Some(i as LightId)) {
+                t_max = t;
+                first = Some((i as LightId, t));
+            }
+        }
+        first
+    }
+
+    fn surface(&self, hit: &Hit, dir: Vec3) -> SurfaceHit<'_> {
         let triangle = hit.prim as usize;
         let [i, j, k] = self.mesh.indices[triangle].map(|i| i as usize);
         let [a, b, c] = [self.mesh.positions[i], self.mesh.positions[j], self.mesh.positions[k]];
@@ -134,7 +236,7 @@ impl Scene {
             bsdf,
             triangle: hit.prim,
         };
-        Some(SurfaceHit { t: hit.t, uv, material, si })
+        SurfaceHit { t: hit.t, uv, material, si }
     }
 
     /// Base colour of the surface hit, background value included.
@@ -143,24 +245,62 @@ impl Scene {
         self.materials[hit.material as usize].color(hit.uv)
     }
 
-    /// Whether the open segment from `from` to `to` meets no surface. Both
-    /// ends must already be clear of their own surfaces.
+    /// Share of the light that passes the open segment from `from` to `to`, over
+    /// all that is partly transparent; 0 behind a surface or a light that stops
+    /// rays, `except` for one. Both ends must already be clear of their own surfaces.
     #[must_use]
-    pub fn unoccluded(&self, from: Vec3, to: Vec3) -> bool {
-        !self.accel.occluded(&Ray { org: from, dir: to - from, t_min: 0.0, t_max: SHADOW_LENGTH })
+    pub fn transmittance(&self, from: Vec3, to: Vec3, except: Option<LightId>) -> f32 {
+        let d = to - from;
+        if self.n_stopping_lights > 0 {
+            let length = d.length();
+            if self.first_stop(from, d / length, length * SHADOW_LENGTH, except).is_some() {
+                return 0.0;
+            }
+        }
+        if !self.is_translucent {
+            let is_blocked =
+                self.accel.occluded(&Ray { org: from, dir: d, t_min: 0.0, t_max: SHADOW_LENGTH });
+            return if is_blocked { 0.0 } else { 1.0 };
+        }
+        let dir = d.normalize_or_zero();
+        let mut org = from;
+        let mut passed = 1.0;
+        for _ in 0..MAX_LAYERS {
+            let t_max = (to - org).dot(dir) - d.length() * (1.0 - SHADOW_LENGTH);
+            if t_max <= 0.0 {
+                return passed;
+            }
+            let Some(hit) = self.accel.intersect(&Ray { org, dir, t_min: 0.0, t_max }) else { return passed };
+            let hit = self.surface(&hit, dir);
+            let material = &self.materials[hit.material as usize];
+            if !material.is_translucent() {
+                return 0.0;
+            }
+            passed *= 1.0 - material.opacity(hit.uv);
+            if passed <= 0.0 {
+                return 0.0;
+            }
+            org = hit.si.spawn_origin(dir);
+        }
+        0.0
     }
 
-    /// Calls `f` for every light that the ray crosses before `t_max`.
-    pub fn for_each_crossing(
-        &self,
-        org: Vec3,
-        dir: Vec3,
-        t_max: f32,
-        mut f: impl FnMut(LightId, &Light, &Crossing),
-    ) {
+    /// Calls `f` for every light that an edge meets, the one at its end included.
+    pub fn for_each_crossing(&self, edge: &Edge, mut f: impl FnMut(LightId, &Light, &Crossing)) {
         for (i, light) in self.lights.iter().enumerate() {
-            if let Some(c) = light.crossing(org, dir, t_max) {
-                f(i as LightId, light, &c);
+            let i = i as LightId;
+            // The body of a light that ends the edge lies where its crossing does.
+            let t_max = if edge.stopped_by == Some(i) { edge.t_max * 1.0001 } else { edge.t_max };
+            if let Some(c) = light.crossing(edge.org, edge.dir, t_max) {
+                f(i, light, &c);
+            }
+        }
+        let Some(hit) = edge.hit else { return };
+        if let Some(i) = self.emitters[hit.material as usize] {
+            let light = &self.lights[i as usize];
+            let SurfaceInteraction { triangle, p, .. } = hit.si;
+            if let Some(c) = light.surface_crossing(triangle, p, hit.uv, edge.dir, hit.t) {
+                f(i, light, &c);
             }
         }
     }

@@ -12,6 +12,8 @@
 //! up = [0.0, 1.0, 0.0]
 //! vfov = 35.0                       # vertical field of view, degrees
 //! size = [640, 480]                 # film, pixels
+//! aperture_radius = 0.02            # metres; a thin lens (default: a pinhole)
+//! focus_distance = 1.6              # of the plane in focus, metres (default: that of look_at)
 //!
 //! [main_object]
 //! objects = ["apple", "basket_*"]   # OBJ `o`/`g` names; a trailing * matches any ending
@@ -24,20 +26,30 @@
 //! [[lights]]
 //! name = "key"
 //! type = "rectangle"                # rectangle | disk | sphere | spot | point
+//!                                   # | distant | environment | mesh
 //! position = [1.0, 2.0, 1.0]        # centre
-//! look_at = [0.0, 0.0, 0.0]         # rectangle, disk, spot: the side that emits
+//! look_at = [0.0, 0.0, 0.0]         # rectangle, disk, spot, distant: the side that emits
 //! up = [0.0, 1.0, 0.0]              # rectangle: which way its height runs
 //! half_extents = [0.4, 0.3]         # rectangle, metres at size 1
-//! radius = 0.1                      # disk, sphere, spot, metres at size 1
+//! radius = 0.1                      # disk, sphere, spot, metres at size 1; spot: 0 is a point
 //! angle = 30.0                      # spot: half-angle of the cone, degrees
 //! softness = 0.2                    # spot: share of the angle that is soft edge
+//! image = "sky.exr"                 # environment: equirectangular, y up (default: constant)
+//! rotation = 90.0                   # environment: degrees about +y
+//! material = "bulb"                 # mesh: the material whose triangles emit
 //! size = 1.0                        # multiplies the extents
 //! size_range = [0.1, 2.0]           # default: found from the geometry
-//! radiance = 10.0                   # W·m⁻²·sr⁻¹ (point: W·sr⁻¹) per unit of `color`
+//! radiance = 10.0                   # W·m⁻²·sr⁻¹ per unit of `color`; point, and spot of
+//!                                   # radius 0: W·sr⁻¹; distant: irradiance, W·m⁻²
 //! radiance_max = 500.0              # default: found from the picture
 //! color = [1.0, 0.9, 0.8]           # linear Rec.709, scaled to luminance 1
 //! camera_visible = true
+//! occludes = false                  # rectangle, disk, sphere: a black body that stops light;
+//!                                   # its size is then not free
 //! free = ["radiance", "size"]       # default: all that the light has
+//!
+//! # A material that emits (`Ke`) is a light of its own, named after it, with a free
+//! # radiance; a light of type `mesh` replaces that one.
 //!
 //! [materials.table]                 # overrides of the MTL material `table`
 //! model = "plastic"                 # diffuse | conductor | dielectric | plastic
@@ -134,6 +146,10 @@ pub struct CameraSpec {
     /// Pixels.
     #[serde(default = "default_size")]
     pub size: [u32; 2],
+    /// Radius of the lens, metres.
+    pub aperture_radius: Option<f32>,
+    /// Distance of the plane in focus, metres.
+    pub focus_distance: Option<f32>,
 }
 
 /// Names of objects and materials.
@@ -172,6 +188,12 @@ pub enum LightType {
     Spot,
     /// Point.
     Point,
+    /// One direction.
+    Distant,
+    /// All directions from infinity.
+    Environment,
+    /// Triangles of a material.
+    Mesh,
 }
 
 /// `[[lights]]`.
@@ -184,7 +206,7 @@ pub struct LightSpec {
     #[serde(rename = "type")]
     pub kind: LightType,
     /// Centre, metres.
-    pub position: [f32; 3],
+    pub position: Option<[f32; 3]>,
     /// A point on the emitting side.
     pub look_at: Option<[f32; 3]>,
     /// Which way a rectangle's height runs.
@@ -198,22 +220,28 @@ pub struct LightSpec {
     pub angle: Option<f32>,
     /// Share of the angle that is soft edge.
     pub softness: Option<f32>,
+    /// Picture of the surroundings, beside the sidecar.
+    pub image: Option<String>,
+    /// Turn of the surroundings about +y, degrees.
+    pub rotation: Option<f32>,
+    /// Material whose triangles emit.
+    pub material: Option<String>,
     /// Size factor.
-    #[serde(default = "one")]
-    pub size: f32,
+    pub size: Option<f32>,
     /// Bounds of the size factor.
     pub size_range: Option<[f32; 2]>,
     /// Radiance per unit of colour.
-    #[serde(default = "one")]
-    pub radiance: f32,
+    pub radiance: Option<f32>,
     /// Upper bound of the radiance.
     pub radiance_max: Option<f32>,
     /// Linear Rec.709.
-    #[serde(default = "white")]
-    pub color: [f32; 3],
+    pub color: Option<[f32; 3]>,
     /// Whether the camera sees the light itself.
     #[serde(default = "yes")]
     pub camera_visible: bool,
+    /// Whether its body stops light.
+    #[serde(default)]
+    pub occludes: bool,
     /// What may vary.
     pub free: Option<FreeVariables>,
 }
@@ -240,9 +268,6 @@ fn yes() -> bool {
 }
 fn up() -> [f32; 3] {
     [0.0, 1.0, 0.0]
-}
-fn white() -> [f32; 3] {
-    [1.0; 3]
 }
 fn default_size() -> [u32; 2] {
     [640, 480]

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
-    light::{Cone, Light, LightSampler, Outline, Shape, SizeDensity},
+    light::{Cone, Light, LightPoint, LightSampler, Outline, Point, Shape, SizeDensity},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -88,7 +88,7 @@ impl Map<'_> {
                 let v = (x * x + y * y) / (1.0 + w.dot(axis));
                 [v / versine, 0.5 + y.atan2(x) / (2.0 * PI)]
             }
-            Shape::Point(_) => unreachable!(),
+            _ => unreachable!(),
         }
     }
 
@@ -132,7 +132,7 @@ impl Map<'_> {
                 let w = axis * (1.0 - h) + s * (sin * phi.cos()) + t * (sin * phi.sin());
                 (w.as_vec3(), 2.0 * PI * versine)
             }
-            Shape::Point(_) => unreachable!(),
+            _ => unreachable!(),
         }
     }
 }
@@ -148,9 +148,9 @@ fn p_value(light: &Light, reference: Vec3, seed: u64, mutation: impl Fn(f32, Vec
     let probabilities: Vec<f64> = partition
         .integrals(&|x| {
             let (wi, measure) = map.direction(x);
-            [light
-                .crossing(reference, wi, f32::INFINITY)
-                .map_or(0.0, |c| f64::from(light.pdf_li(reference, &c).0 * mutation(c.rho, wi)) * measure)]
+            [light.crossing(reference, wi, f32::INFINITY).map_or(0.0, |c| {
+                f64::from(light.pdf_li(reference, &c.at).0 * mutation(c.at.rho, wi)) * measure
+            })]
         })
         .iter()
         .map(|c| c[0])
@@ -208,25 +208,25 @@ fn a_sampled_light_point_is_the_one_that_its_ray_meets() {
                 let what = format!("{} from {reference}: {s:?}", light.name);
                 let Some(c) = light.crossing(reference, s.wi, f32::INFINITY) else {
                     // Only the rim can be lost to rounding.
-                    assert!(s.rho > EXTENT * (1.0 - 1e-5) || s.radiance.x < 1e-4, "{what}");
+                    assert!(s.at.rho > EXTENT * (1.0 - 1e-5) || s.radiance.x < 1e-4, "{what}");
                     continue;
                 };
                 // Rounding of a ray's far end, by the light's cosine there; a tangent of
                 // the sphere has the root of it.
-                let distance = s.p.distance(reference);
-                let cos = -s.wi.dot(s.n);
+                let distance = s.at.p.distance(reference);
+                let cos = -s.wi.dot(s.at.n);
                 let error = 1e-6 * (distance + 1.0) / cos;
-                assert!((c.p - s.p).length() < error, "{what} {c:?}");
+                assert!((c.at.p - s.at.p).length() < error, "{what} {c:?}");
                 assert!((c.t - distance).abs() < error, "{what} {c:?}");
-                assert!((c.rho - s.rho).abs() < 10.0 * error, "{what} {c:?}");
-                assert!((c.n - s.n).length() < 10.0 * error, "{what} {c:?}");
+                assert!((c.at.rho - s.at.rho).abs() < 10.0 * error, "{what} {c:?}");
+                assert!((c.at.n - s.at.n).length() < 10.0 * error, "{what} {c:?}");
                 assert!((c.radiance - s.radiance).abs().max_element() < 1e-5, "{what} {c:?}");
-                let pdf = light.pdf_li(reference, &c).0;
+                let pdf = light.pdf_li(reference, &c.at).0;
                 assert!((pdf / s.pdf.0 - 1.0).abs() < 10.0 * error / cos, "{what} {c:?} {pdf}");
                 // Beyond or behind the light there is nothing to meet.
                 assert!(light.crossing(reference, s.wi, 0.99 * distance).is_none());
                 assert!(light.crossing(reference, -s.wi, f32::INFINITY).is_none());
-                assert!(light.crossing(s.p + s.wi * (0.01 + 2.0 * EXTENT), s.wi, f32::INFINITY).is_none());
+                assert!(light.crossing(s.at.p + s.wi * (0.01 + 2.0 * EXTENT), s.wi, f32::INFINITY).is_none());
             }
             assert!(n > 5_000 || light.name == "spot", "{}", light.name);
         }
@@ -239,7 +239,7 @@ fn back_sides_emit_nothing() {
         let mut random = Random::new(&[13]);
         for _ in 0..20_000 {
             let e = light.sample_le(random.next_2d(), random.next_2d());
-            assert!(e.is_none_or(|e| e.dir.dot(e.n) > 0.0 && e.radiance.x > 0.0));
+            assert!(e.is_none_or(|e| e.dir.dot(e.at.n) > 0.0 && e.radiance.x > 0.0));
             let behind = match &light.shape {
                 Shape::Planar(s) => {
                     let d = random.direction();
@@ -248,7 +248,7 @@ fn back_sides_emit_nothing() {
                 Shape::Sphere(s) => {
                     s.center + random.direction() * random.range(0.0, EXTENT * s.radius * 0.999)
                 }
-                Shape::Point(_) => unreachable!(),
+                _ => unreachable!(),
             };
             assert!(light.sample_li(behind, random.next_2d()).is_none(), "{} {behind}", light.name);
             assert!(light.crossing(behind, random.direction(), f32::INFINITY).is_none());
@@ -286,7 +286,7 @@ const SIZES: [f32; 4] = [0.2, 0.7, 1.0, EXTENT];
 fn emitted_samples_carry_the_power_of_every_size() {
     let mut all = Vec::new();
     let mut lights = lights();
-    lights.push(grown(light("point", Shape::Point(Vec3::ONE))));
+    lights.push(grown(light("point", Shape::Point(Point::isotropic(Vec3::ONE)))));
     let hard = Cone { cos_inner: 0.8, cos_outer: 0.8 };
     lights.push(grown(disk("hard spot", Vec3::ZERO, Vec3::Z, 0.3, Some(hard))));
     for light in &mut lights {
@@ -296,18 +296,18 @@ fn emitted_samples_carry_the_power_of_every_size() {
         for _ in 0..N {
             let e = light.sample_le(random.next_2d(), random.next_2d());
             if let Some(e) = &e {
-                let (pos, dir) = light.pdf_le(e.n, e.dir, e.rho);
+                let (pos, dir) = light.pdf_le(&e.at, e.dir);
                 assert!((pos.0 / e.pdf_pos.0 - 1.0).abs() < 1e-5, "{}: {e:?}", light.name);
                 // At the horizon the cosine, a square root, has the root of its rounding.
                 let error = (dir.0 - e.pdf_dir.0).abs() / e.pdf_dir.0;
-                let cos = if light.is_delta() { 1.0 } else { e.dir.dot(e.n) };
+                let cos = if light.is_delta() { 1.0 } else { e.dir.dot(e.at.n) };
                 assert!(error < 1e-6 / (cos * cos), "{}: {e:?} {dir:?}", light.name);
                 assert!((e.dir.length() - 1.0).abs() < 1e-5);
-                assert!(e.rho <= EXTENT);
+                assert!(e.at.rho <= EXTENT);
             }
             for (m, s) in by_size.iter_mut().zip(SIZES) {
-                m.push(e.as_ref().filter(|e| e.rho <= s).map_or(0.0, |e| {
-                    let cos = if light.is_delta() { 1.0 } else { e.n.dot(e.dir) };
+                m.push(e.as_ref().filter(|e| e.at.rho <= s).map_or(0.0, |e| {
+                    let cos = if light.is_delta() { 1.0 } else { e.at.n.dot(e.dir) };
                     f64::from(luminance(e.radiance) * cos / (e.pdf_pos.0 * e.pdf_dir.0))
                 }));
             }
@@ -343,7 +343,7 @@ fn profile(cos: f64) -> f64 {
 fn irradiance(light: &Light, p: Vec3, n: Vec3, s: f32, random: &mut Random, count: u32) -> Moments {
     let mut m = Moments::default();
     for _ in 0..count {
-        let sample = light.sample_li(p, random.next_2d()).filter(|l| l.rho <= s);
+        let sample = light.sample_li(p, random.next_2d()).filter(|l| l.at.rho <= s);
         m.push(sample.map_or(0.0, |l| f64::from(luminance(l.radiance) * l.wi.dot(n).max(0.0) / l.pdf.0)));
     }
     m
@@ -429,7 +429,7 @@ fn far_away_only_the_power_counts() {
     let distance = 400.0;
     let expected = 1.0 / (4.0 * PI * f64::from(distance).powi(2)) * 1e6;
     for light in [
-        light("point", Shape::Point(Vec3::ZERO)),
+        light("point", Shape::Point(Point::isotropic(Vec3::ZERO))),
         sphere_light("sphere", Vec3::ZERO, 0.3),
         disk("disk", Vec3::ZERO, Vec3::Z, 0.3, None),
         rectangle("rectangle", Vec3::ZERO, Vec3::Z, 0.3, 0.1),
@@ -490,7 +490,7 @@ fn lights_are_chosen_as_often_as_they_say() {
 #[test]
 fn emitted_directions_follow_their_density() {
     let mut lights = lights();
-    lights.push(light("point", Shape::Point(Vec3::ONE)));
+    lights.push(light("point", Shape::Point(Point::isotropic(Vec3::ONE))));
     let level = sidak_level(0.01, lights.len());
     for light in &lights {
         let mut random = Random::new(&[19]);
@@ -499,7 +499,7 @@ fn emitted_directions_follow_their_density() {
         let e = light.sample_le(u, Vec2::new(0.5, 0.5)).unwrap();
         let n = match &light.shape {
             Shape::Point(_) => glam::DVec3::Z,
-            _ => e.n.as_dvec3(),
+            _ => e.at.n.as_dvec3(),
         };
         let (s, t) = n.any_orthonormal_pair();
         let locate = |w: Vec3| {
@@ -516,9 +516,9 @@ fn emitted_directions_follow_their_density() {
                 let dir = (n * z + s * (sin * phi.cos()) + t * (sin * phi.sin())).as_vec3();
                 let rho = match &light.shape {
                     Shape::Sphere(_) => EXTENT * sin as f32,
-                    _ => e.rho,
+                    _ => e.at.rho,
                 };
-                [f64::from(light.pdf_le(e.n, dir, rho).1.0)]
+                [f64::from(light.pdf_le(&LightPoint { rho, ..e.at }, dir).1.0)]
             })
             .iter()
             .map(|c| c[0])

@@ -6,6 +6,7 @@ mod basket;
 mod bsdf;
 mod light;
 mod spawn;
+mod surroundings;
 mod transport;
 mod weights;
 

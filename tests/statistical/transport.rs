@@ -4,9 +4,10 @@ use glam::UVec2;
 use lightopt_embree::{
     film::Region,
     integrator::{Heuristic, Integrator, IntegratorKind, Sampling},
+    light::{Distant, Shape, Surroundings},
     math::stats::sidak_z,
     sampler::SamplerKind,
-    scene::Scene,
+    scene::{Scene, material::Model},
 };
 
 use crate::support::{
@@ -32,37 +33,63 @@ fn a_closed_furnace_gives_the_geometric_series() {
     }
 }
 
-fn path_equals_bdpt(scene: &Scene, n: u32, spp: u32) {
-    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 4 * spp);
-    let bdpt = measure(scene, &BDPT, SamplerKind::Sobol, 2, n, spp);
-    assert_same(&scene.name, &path, &bdpt);
-}
-
-const SIZE: (u32, u32) = (32, 32);
-
-#[test]
-fn path_equals_bdpt_in_a_cornell_box() {
-    path_equals_bdpt(&scenes::cornell(SIZE), 24, 32);
+fn path_equals_bdpt(scene: &Scene, sampler: SamplerKind, n: u32, spp: u32) {
+    let path = measure(scene, &PATH, sampler, 1, n, 4 * spp);
+    let bdpt = measure(scene, &BDPT, sampler, 2, n, spp);
+    assert_same(&format!("{} {sampler:?}", scene.name), &path, &bdpt);
 }
 
 #[test]
-fn path_equals_bdpt_on_a_sphere_with_smooth_normals() {
-    path_equals_bdpt(&scenes::smooth_sphere(SIZE), 24, 32);
+fn path_equals_bdpt_in_every_scene() {
+    for make in scenes::ALL {
+        path_equals_bdpt(&make((32, 32)), SamplerKind::Sobol, 24, 32);
+    }
 }
 
 #[test]
-fn path_equals_bdpt_through_rough_glass() {
-    path_equals_bdpt(&scenes::rough_glass(SIZE), 24, 32);
+#[ignore = "long: every scene with every sampler at many samples"]
+fn path_equals_bdpt_in_every_scene_with_every_sampler() {
+    for make in scenes::ALL {
+        for sampler in [SamplerKind::Sobol, SamplerKind::Halton] {
+            path_equals_bdpt(&make((32, 32)), sampler, 32, 128);
+        }
+    }
 }
 
 #[test]
-fn path_equals_bdpt_on_a_glossy_floor() {
-    path_equals_bdpt(&scenes::glossy_floor(SIZE), 24, 32);
+fn surroundings_of_radiance_one_make_a_white_ball_invisible() {
+    // Nothing absorbs and the ball is convex: all that is seen has radiance 1.
+    let mut s = scenes::Shapes::default();
+    s.sphere(glam::Vec3::ZERO, 0.7, 12, false, 0);
+    let white = scenes::material("white", Model::Diffuse, [1.0; 3], 0.0);
+    let camera = scenes::camera(glam::Vec3::new(0.3, 0.4, 2.0), glam::Vec3::ZERO, 50.0, (16, 16));
+    let lights = vec![scenes::environment("sky", None)];
+    let scene = Scene::new("white ball", s.mesh, vec![white], lights, camera).unwrap();
+    for integrator in [PATH, BDPT] {
+        let m = measure(&scene, &integrator, SamplerKind::Sobol, 9, 32, 32);
+        let z = (m.total.mean() - 1.0) / m.total.variance_of_mean().sqrt().max(1e-9);
+        println!("{:?}: {} z {z:.2}", integrator.kind, m.total.mean());
+        assert!(z.abs() < sidak_z(0.01, 2));
+    }
 }
 
 #[test]
-fn path_equals_bdpt_with_two_lights_in_line() {
-    path_equals_bdpt(&scenes::lights_in_line(SIZE), 24, 32);
+fn parallel_light_gives_its_irradiance() {
+    // A floor of albedo a under irradiance E at angle θ: radiance a E cos θ / π.
+    let mut s = scenes::Shapes::default();
+    s.quad(glam::Vec3::new(-9.0, 0.0, -9.0), glam::Vec3::Z * 18.0, glam::Vec3::X * 18.0, 0);
+    let floor = scenes::material("floor", Model::Diffuse, [0.6; 3], 0.0);
+    let direction = glam::Vec3::new(1.0, -2.0, 0.5).normalize();
+    let sun = scenes::light("sun", Shape::Distant(Distant { direction, scene: Surroundings::default() }));
+    let camera = scenes::camera(glam::Vec3::new(0.0, 2.0, 1.0), glam::Vec3::ZERO, 40.0, (8, 8));
+    let scene = Scene::new("sunny", s.mesh, vec![floor], vec![sun], camera).unwrap();
+    let expected = 0.6 * f64::from(-direction.y) / std::f64::consts::PI;
+    for integrator in [PATH, BDPT] {
+        let m = measure(&scene, &integrator, SamplerKind::Sobol, 9, 16, 16);
+        // By next-event estimation alone there is no noise at all, only rounding.
+        let tolerance = 4.0 * m.total.variance_of_mean().sqrt() + 1e-5 * expected;
+        assert!((m.total.mean() - expected).abs() < tolerance, "{} {expected}", m.total.mean());
+    }
 }
 
 #[test]

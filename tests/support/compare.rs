@@ -6,7 +6,7 @@ use glam::UVec2;
 use lightopt_embree::{
     film::{LightState, Picture, Region, RgbFilm},
     integrator::{Integrator, Sampling},
-    math::stats::{Moments, sidak_z},
+    math::stats::{Moments, normal_deviate, sidak_z},
     sampler::SamplerKind,
     scene::Scene,
 };
@@ -65,11 +65,19 @@ pub fn measure(
     out
 }
 
+/// Degrees of freedom of a difference of means whose variance is `variance`,
+/// `va` and `vb` being estimated from `na` and `nb` renders. \[Welch47\]
+fn welch(variance: f64, va: f64, na: u64, vb: f64, nb: u64) -> f64 {
+    let spread = va * va / (na - 1) as f64 + vb * vb / (nb - 1) as f64;
+    (variance * variance / spread.max(1e-300)).min(1e6)
+}
+
 /// Fails unless two measurements agree: each pixel's mean over the channels by
 /// a z-test at level 0.01 with Šidák correction, and the picture's mean.
 ///
-/// Variances are pooled over the picture's renders; a variance floor of the
-/// median pixel's keeps a pixel that happened to see no noise from deciding.
+/// A variance floor of the median pixel's keeps a pixel that happened to see no
+/// noise from deciding; with few renders a ratio follows Student's t, so it is
+/// first turned into the normal deviate of the same probability.
 pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
     let n = a.pixels.len();
     let gray = |p: &[Moments; 3]| {
@@ -88,13 +96,18 @@ pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
         .zip(&b.pixels)
         .map(|(p, q)| {
             let ((ma, va), (mb, vb)) = (gray(p), gray(q));
-            (ma - mb) / (va + vb).max(floor).max(1e-30).sqrt()
+            let variance = (va + vb).max(floor).max(1e-30);
+            normal_deviate((ma - mb) / variance.sqrt(), welch(variance, va, p[0].n(), vb, q[0].n()))
         })
         .collect();
     let threshold = sidak_z(0.01, n + 1);
     let worst = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let total = (a.total.mean() - b.total.mean())
-        / (a.total.variance_of_mean() + b.total.variance_of_mean()).max(1e-30).sqrt();
+    let (va, vb) = (a.total.variance_of_mean(), b.total.variance_of_mean());
+    let variance = (va + vb).max(1e-30);
+    let total = normal_deviate(
+        (a.total.mean() - b.total.mean()) / variance.sqrt(),
+        welch(variance, va, a.total.n(), vb, b.total.n()),
+    );
     let relative = (a.total.mean() - b.total.mean()) / b.total.mean();
     println!(
         "{name}: worst pixel z {worst:.2}, picture z {total:.2}, means {:.5} {:.5} ({:+.3} %), threshold {threshold:.2}",

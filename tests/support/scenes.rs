@@ -1,11 +1,14 @@
 //! Small scenes, built in memory.
 
-use std::f32::consts::PI;
+use std::{f32::consts::PI, sync::Arc};
 
 use glam::{UVec2, Vec2, Vec3};
 use lightopt_embree::{
-    camera::Camera,
-    light::{Cone, Light, Outline, Planar, Shape, SizeDensity, Sphere, look_frame},
+    camera::{Camera, Lens},
+    light::{
+        Cone, Distant, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar, Point, RadianceMap,
+        Shape, SizeDensity, Sphere, Surroundings, look_frame,
+    },
     math::Rgb,
     scene::{
         Material, Mesh, Scene,
@@ -107,6 +110,7 @@ pub fn light(name: &str, shape: Shape) -> Light {
         size: 1.0,
         size_density: SizeDensity::UniformArea { extent: 1.0 },
         camera_visible: true,
+        occludes: false,
     }
 }
 
@@ -223,7 +227,128 @@ pub fn lights_in_line(size: (u32, u32)) -> Scene {
     let cone = Cone { cos_inner: 0.95, cos_outer: 0.8 };
     let mut spot = disk("spot", Vec3::new(-0.6, 1.7, 0.4), Vec3::new(0.5, -1.0, -0.3), 0.1, Some(cone));
     spot.radiance = 40.0;
-    let mut point = light("point", Shape::Point(Vec3::new(0.6, 1.5, 0.5)));
+    let mut point = light("point", Shape::Point(Point::isotropic(Vec3::new(0.6, 1.5, 0.5))));
     point.radiance = 0.3;
     finish("lights_in_line", s, m, vec![near, far, spot, point], size)
 }
+
+/// Coarse surroundings: a dim sky with a bright window and a coloured ground.
+pub fn sky() -> Arc<RadianceMap> {
+    let texel = |i: usize| match (i % 16, i / 16) {
+        (9..=10, 2..=3) => [12.0, 11.0, 9.0],
+        (_, 0..4) => [0.3, 0.4, 0.6],
+        (x, _) => [0.2, 0.1 + 0.01 * x as f32, 0.1],
+    };
+    Arc::new(RadianceMap::new(16, 8, (0..128).map(texel).collect()).unwrap())
+}
+
+pub fn environment(name: &str, map: Option<Arc<RadianceMap>>) -> Light {
+    light(name, Shape::Environment(Environment { map, rotation: 0.7, scene: Surroundings::default() }))
+}
+
+/// Triangles `prims` of a mesh as a light.
+pub fn mesh_light(name: &str, mesh: &Mesh, prims: std::ops::Range<u32>, two_sided: bool) -> Light {
+    let triangles = prims
+        .map(|prim| EmissiveTriangle {
+            prim,
+            corners: mesh.corners(prim as usize),
+            uvs: mesh.indices[prim as usize].map(|i| mesh.uvs[i as usize]),
+            clearance: 2e-5,
+        })
+        .collect();
+    light(name, Shape::Mesh(MeshLight::new(triangles, None, two_sided).unwrap()))
+}
+
+/// The open room under a sky, and parallel light.
+pub fn outdoors(size: (u32, u32)) -> Scene {
+    let mut s = Shapes::default();
+    let mut m = room().1;
+    m.push(material("metal", Model::Conductor, [0.9, 0.8, 0.7], 0.5));
+    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.0));
+    s.quad(Vec3::new(-1.5, 0.0, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, 0);
+    s.sphere(Vec3::new(-0.5, 0.5, 0.0), 0.5, 8, true, 3);
+    s.sphere(Vec3::new(0.6, 0.4, 0.3), 0.4, 8, true, 4);
+    let mut sun = light(
+        "sun",
+        Shape::Distant(Distant {
+            direction: Vec3::new(0.4, -1.0, -0.3).normalize(),
+            scene: Surroundings::default(),
+        }),
+    );
+    sun.radiance = 1.5;
+    finish("outdoors", s, m, vec![environment("sky", Some(sky())), sun], size)
+}
+
+/// A room lit through its opening by constant surroundings.
+pub fn overcast(size: (u32, u32)) -> Scene {
+    let (mut s, m) = room();
+    s.cuboid(Vec3::new(-0.4, 0.0, -0.4), Vec3::new(0.4, 0.8, 0.4), false, 0);
+    finish("overcast", s, m, vec![environment("sky", None)], size)
+}
+
+/// A room lit by a shining octahedron-like ball, which is geometry, a panel
+/// that shines on both sides, and a black-backed panel.
+pub fn shining_meshes(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    m.push(material("bulb", Model::Diffuse, [0.5; 3], 0.0));
+    m.push(material("leaf", Model::Plastic, [0.3; 3], 0.4));
+    let first = s.mesh.indices.len() as u32;
+    s.sphere(Vec3::new(-0.4, 0.9, 0.0), 0.25, 4, true, 3);
+    let second = s.mesh.indices.len() as u32;
+    s.quad(Vec3::new(0.3, 0.3, 0.2), Vec3::new(0.3, 0.1, 0.2), Vec3::new(-0.1, 0.5, 0.0), 4);
+    let third = s.mesh.indices.len() as u32;
+    let mut bulb = mesh_light("bulb", &s.mesh, first..second, false);
+    bulb.radiance = 3.0;
+    let leaf = mesh_light("leaf", &s.mesh, second..third, true);
+    let mut panel = rectangle("panel", Vec3::new(0.1, 1.6, 0.1), Vec3::new(0.3, -1.0, 0.2), 0.3, 0.3);
+    panel.radiance = 4.0;
+    panel.occludes = true;
+    let mut ball = sphere_light("ball", Vec3::new(0.6, 0.3, 0.5), 0.15);
+    ball.radiance = 2.0;
+    ball.occludes = true;
+    finish("shining_meshes", s, m, vec![bulb, leaf, panel, ball], size)
+}
+
+/// Panes that let half of the light pass, in front of one another and of a lamp.
+pub fn veils(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    let veil = MaterialParams { opacity: 0.5, ..params(Model::Plastic, [0.7, 0.4, 0.3], 0.4) };
+    m.push(Material::new("veil".into(), veil, &mut Coats::default()));
+    s.quad(Vec3::new(-0.8, 0.2, 0.4), Vec3::X * 0.9, Vec3::Y * 1.2, 3);
+    s.quad(Vec3::new(-0.5, 0.1, 0.1), Vec3::X * 1.2, Vec3::new(0.0, 1.0, -0.3), 3);
+    s.quad(Vec3::new(-0.7, 1.6, -0.6), Vec3::Z * 1.2, Vec3::X * 1.4, 3);
+    finish("veils", s, m, vec![ceiling_light()], size)
+}
+
+/// The glossy floor through a wide lens, and a point light with a cone.
+pub fn out_of_focus(size: (u32, u32)) -> Scene {
+    let mut scene = glossy_floor(size);
+    let mut lights = scene.lights.clone();
+    let cone = Cone { cos_inner: 0.9, cos_outer: 0.7 };
+    let axis = Vec3::new(-0.3, -1.0, 0.1).normalize();
+    lights.push(light(
+        "spot",
+        Shape::Point(Point { position: Vec3::new(0.2, 1.8, 0.0), cone: Some((axis, cone)) }),
+    ));
+    let lens = Lens { radius: 0.08, focus_distance: 3.6 };
+    let camera = scene.camera.clone().with_lens(Some(lens));
+    scene = Scene::new("out_of_focus", scene.mesh, scene.materials, lights, camera).unwrap();
+    scene
+}
+
+type Make = fn((u32, u32)) -> Scene;
+
+/// Every kind of material, light and camera.
+pub const ALL: [Make; 11] = [
+    cornell,
+    smooth_sphere,
+    rough_glass,
+    smooth_glass,
+    glossy_floor,
+    lights_in_line,
+    outdoors,
+    overcast,
+    shining_meshes,
+    veils,
+    out_of_focus,
+];

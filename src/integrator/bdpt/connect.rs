@@ -33,30 +33,33 @@ pub fn next_event(
     let light = &scene.lights[id as usize];
     let Some(l) = light.sample_li(z.p, u) else { return };
     let value = z.beta * z.scatter(l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
-    if value == Rgb::ZERO || !scene.unoccluded(si.spawn_origin(l.wi), l.p) {
+    if value == Rgb::ZERO {
+        return;
+    }
+    let value = value * scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+    if value == Rgb::ZERO {
         return;
     }
     let h = integrator.heuristic;
-    let dist2 = l.p.distance_squared(z.p);
+    let dist2 = light.distance2(l.at.p, z.p);
     // Densities of the light point, m⁻²: as sampled here, and as an origin. Those of
     // a point light are both its selection probability.
     let (p_nee, p_origin, pdf_dir) = {
-        let (origin, dir) = light.pdf_le(l.n, -l.wi, l.rho);
-        let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.n.dot(l.wi)).0 };
+        let (origin, dir) = light.pdf_le(&l.at, -l.wi);
+        let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.at.n.dot(l.wi)).0 };
         (f64::from(nee), f64::from(origin.0), dir)
     };
     let s0 = if light.is_delta() {
         0.0
     } else {
-        h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
+        h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
     };
     let r = p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
     let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
     let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
     recorder.add(&Contribution {
         light: id,
-        rho: l.rho,
-        light_point: l.p,
+        at: l.at,
         value: value * mis_weight,
         strategy: Strategy::new(1, t),
         mis_weight,
@@ -90,7 +93,11 @@ pub fn vertices(
     }
     // Each side's throughput holds its own cosine about the edge.
     let value = z.beta * scatter * y.beta * y.scatter(-w, TransportMode::Importance) / dist2;
-    if value == Rgb::ZERO || !scene.unoccluded(z_si.spawn_origin(w), y_si.spawn_origin(-w)) {
+    if value == Rgb::ZERO {
+        return;
+    }
+    let value = value * scene.transmittance(z_si.spawn_origin(w), y_si.spawn_origin(-w), None);
+    if value == Rgb::ZERO {
         return;
     }
     let h = integrator.heuristic;
@@ -101,8 +108,7 @@ pub fn vertices(
     let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
     recorder.add(&Contribution {
         light: y.light,
-        rho: y.rho,
-        light_point: light[0].p,
+        at: y.at,
         value: value * mis_weight,
         strategy: Strategy::new(s, t),
         mis_weight,
@@ -110,7 +116,7 @@ pub fn vertices(
 }
 
 /// t = 1: connects a light point and every vertex of the light subpath to the
-/// pinhole.
+/// lens.
 pub fn to_camera(
     integrator: &Integrator,
     scene: &Scene,
@@ -121,14 +127,19 @@ pub fn to_camera(
 ) {
     light_to_camera(integrator, scene, connection, camera, recorder);
     let h = integrator.heuristic;
+    let on_lens = camera[0].p;
     for (s, y) in light.iter().enumerate().skip(1).map(|(i, y)| (i + 1, y)) {
         let Some(si) = y.surface() else { continue };
         if s > integrator.max_depth || !y.connectible() {
             continue;
         }
-        let Some(c) = scene.camera.sample_wi(y.p) else { continue };
+        let Some(c) = scene.camera.sample_wi(on_lens, y.p) else { continue };
         let value = y.beta * y.scatter(c.wi, TransportMode::Importance) * (c.we.0 / c.dist2);
-        if value == Rgb::ZERO || !scene.unoccluded(scene.camera.position, si.spawn_origin(c.wi)) {
+        if value == Rgb::ZERO {
+            continue;
+        }
+        let value = value * scene.transmittance(on_lens, si.spawn_origin(c.wi), None);
+        if value == Rgb::ZERO {
             continue;
         }
         let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
@@ -138,8 +149,7 @@ pub fn to_camera(
             c.raster,
             &Contribution {
                 light: y.light,
-                rho: y.rho,
-                light_point: light[0].p,
+                at: y.at,
                 value: value * mis_weight,
                 strategy: Strategy::new(s, 1),
                 mis_weight,
@@ -148,7 +158,7 @@ pub fn to_camera(
     }
 }
 
-/// s = 1, t = 1: a light point sampled as seen from the pinhole.
+/// s = 1, t = 1: a light point sampled as seen from the lens.
 fn light_to_camera(
     integrator: &Integrator,
     scene: &Scene,
@@ -165,20 +175,19 @@ fn light_to_camera(
         return;
     }
     let Some(l) = light.sample_li(camera[0].p, u) else { return };
-    let Some(c) = scene.camera.sample_wi(l.p) else { return };
-    if !scene.unoccluded(camera[0].p, l.p) {
+    let Some(c) = scene.camera.sample_wi(camera[0].p, l.at.p) else { return };
+    let p_nee = l.pdf.0 * pmf.0;
+    let value = l.radiance * (c.we.0 / p_nee) * scene.transmittance(camera[0].p, l.at.p, Some(id));
+    if value == Rgb::ZERO {
         return;
     }
-    let p_nee = l.pdf.0 * pmf.0;
-    let value = l.radiance * (c.we.0 / p_nee);
     let s0 = integrator.heuristic.apply(f64::from(c.we.0) / f64::from(p_nee));
     let mis_weight = (1.0 / (1.0 + s0)) as f32;
     recorder.splat(
         c.raster,
         &Contribution {
             light: id,
-            rho: l.rho,
-            light_point: l.p,
+            at: l.at,
             value: value * mis_weight,
             strategy: Strategy::new(1, 1),
             mis_weight,

@@ -10,10 +10,10 @@ use super::{
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    light::Crossing,
+    light::LightPoint,
     math::{Rgb, SolidAnglePdf},
     sampler::Sampler,
-    scene::Scene,
+    scene::{Edge, Scene},
 };
 
 /// Traces a camera subpath into `out` (`z_0` first) and records every light
@@ -28,16 +28,15 @@ pub fn trace_camera<'a>(
     recorder: &mut impl Recorder,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
-    let _lens = sampler.next_2d();
-    let dir = scene.camera.direction(raster);
+    let (org, dir) = scene.camera.ray(raster, sampler.next_2d());
     out.clear();
     out.push(Vertex {
         kind: VertexKind::Camera,
-        p: scene.camera.position,
+        p: org,
         wo: Vec3::ZERO,
         beta: Rgb::ONE,
         light: 0,
-        rho: 0.0,
+        at: LightPoint { p: Vec3::ZERO, n: Vec3::ZERO, rho: 0.0, element: 0 },
         pdf_fwd: 1.0,
         delta: false,
         mis: Partial::default(),
@@ -46,17 +45,17 @@ pub fn trace_camera<'a>(
         return;
     }
     let walk = Walk {
-        org: scene.camera.position,
+        org,
         dir,
         beta: Rgb::ONE,
         pdf: scene.camera.pdf_we(dir),
-        // z_1 can be connected to the pinhole; t = 0 does not exist.
+        // z_1 can be connected to the lens; t = 0 does not exist.
         mis: Partial { previous: 1.0, geometry: 0.0, inner: 0.0 },
         cos_over_pdf: 0.0,
         mode: TransportMode::Radiance,
     };
-    walk.run(integrator, scene, sampler, out, |walk, n_edges, from, t_max| {
-        cross_lights(integrator, scene, walk, n_edges, from, t_max, recorder);
+    walk.run(integrator, scene, sampler, out, |walk, n_edges, from, edge| {
+        cross_lights(integrator, scene, walk, n_edges, from, edge, recorder);
     });
 }
 
@@ -67,20 +66,20 @@ fn cross_lights(
     walk: &Walk,
     n_edges: usize,
     from: &Vertex,
-    t_max: f32,
+    edge: &Edge,
     recorder: &mut impl Recorder,
 ) {
     let h = integrator.heuristic;
-    scene.for_each_crossing(walk.org, walk.dir, t_max, |id, light, c| {
+    scene.for_each_crossing(edge, |id, light, c| {
         if n_edges == 1 && !light.camera_visible {
             return;
         }
         let pmf = f64::from(scene.light_sampler.pmf(id).0);
-        let dist2 = c.p.distance_squared(from.p);
-        let cos = c.n.dot(walk.dir);
+        let dist2 = light.distance2(c.at.p, from.p);
+        let cos = c.at.n.dot(walk.dir);
         let p_hit = f64::from(walk.pdf.to_area(dist2, cos).0);
-        let p_nee = pmf * f64::from(light.pdf_li(from.p, c).to_area(dist2, cos).0);
-        let (origin, emission) = light.pdf_le(c.n, -walk.dir, c.rho);
+        let p_nee = pmf * f64::from(light.pdf_li(from.p, &c.at).to_area(dist2, cos).0);
+        let (origin, emission) = light.pdf_le(&c.at, -walk.dir);
         let partial = walk.partial(h, dist2);
         // s = 1 has its own density of the light point, s >= 2 that of an origin.
         let s1 = h.apply(p_nee / p_hit) * partial.previous;
@@ -89,8 +88,7 @@ fn cross_lights(
         let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
         recorder.add(&Contribution {
             light: id,
-            rho: c.rho,
-            light_point: c.p,
+            at: c.at,
             value: walk.beta * c.radiance * mis_weight,
             strategy: Strategy::new(0, n_edges + 1),
             mis_weight,
@@ -115,20 +113,20 @@ pub fn trace_light<'a>(
     let light = &scene.lights[id as usize];
     let Some(e) = light.sample_le(u_pos, u_dir) else { return };
     let origin = pmf.0 * e.pdf_pos.0;
-    let cos = if light.is_delta() { 1.0 } else { e.n.dot(e.dir).abs() };
+    let cos = if light.is_delta() { 1.0 } else { e.at.n.dot(e.dir).abs() };
     out.push(Vertex {
-        kind: VertexKind::Light { id, n: e.n, radiance: e.radiance },
-        p: e.p,
+        kind: VertexKind::Light(id),
+        p: e.at.p,
         wo: Vec3::ZERO,
         beta: Rgb::ONE,
         light: id,
-        rho: e.rho,
+        at: e.at,
         pdf_fwd: f64::from(origin),
         delta: false,
         mis: Partial::default(),
     });
     let walk = Walk {
-        org: e.p,
+        org: e.at.p,
         dir: e.dir,
         beta: e.radiance * (cos / (origin * e.pdf_dir.0)),
         pdf: e.pdf_dir,
@@ -161,14 +159,14 @@ impl Walk {
     }
 
     /// Walks until absorption, escape or the depth limit. `on_edge` sees each
-    /// edge with its number, its first vertex and its length.
+    /// edge with its number and its first vertex.
     fn run<'a>(
         mut self,
         integrator: &Integrator,
         scene: &'a Scene,
         sampler: &mut Sampler,
         out: &mut Vec<Vertex<'a>>,
-        mut on_edge: impl FnMut(&Self, usize, &Vertex<'a>, f32),
+        mut on_edge: impl FnMut(&Self, usize, &Vertex<'a>, &Edge),
     ) {
         let h = integrator.heuristic;
         let is_camera = self.mode == TransportMode::Radiance;
@@ -178,25 +176,29 @@ impl Walk {
             if n_edges == integrator.max_depth && !is_camera {
                 return;
             }
-            let hit = scene.intersect(self.org, self.dir);
             let from = out[n_edges - 1];
-            on_edge(&self, n_edges, &from, hit.map_or(f32::INFINITY, |hit| hit.t));
-            let Some(hit) = hit else { return };
+            let origin = match from.kind {
+                VertexKind::Light(id) => Some(id),
+                _ => None,
+            };
+            let edge = scene.trace(self.org, self.dir, origin);
+            on_edge(&self, n_edges, &from, &edge);
+            let Some(hit) = edge.hit else { return };
             if n_edges == integrator.max_depth {
                 return;
             }
             let si = hit.si;
             let wo = -self.dir;
-            let dist2 = si.p.distance_squared(from.p);
+            let light = origin.map(|id| (id, &scene.lights[id as usize]));
+            let dist2 =
+                light.map_or_else(|| si.p.distance_squared(from.p), |(_, l)| l.distance2(from.p, si.p));
             let mut mis = self.partial(h, dist2);
-            if let VertexKind::Light { id, n, radiance } = from.kind {
+            if let Some((id, light)) = light {
                 // c_1 on the light side: the density of y_0 as seen from y_1, over its own.
-                let light = &scene.lights[id as usize];
                 mis.previous = if light.is_delta() {
                     1.0
                 } else {
-                    let seen = Crossing { t: 0.0, p: from.p, n, rho: from.rho, radiance };
-                    let nee = light.pdf_li(si.p, &seen).to_area(dist2, n.dot(wo));
+                    let nee = light.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
                     h.apply(f64::from(scene.light_sampler.pmf(id).0) * f64::from(nee.0) / from.pdf_fwd)
                 };
             }
@@ -206,7 +208,7 @@ impl Walk {
                 wo,
                 beta: self.beta,
                 light: from.light,
-                rho: from.rho,
+                at: from.at,
                 pdf_fwd: f64::from(self.pdf.to_area(dist2, si.ng.dot(wo)).0),
                 delta: false,
                 mis,

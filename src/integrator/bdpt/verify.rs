@@ -9,8 +9,7 @@ use super::{Workspace, vertex::Vertex};
 use crate::{
     film::{Contribution, Recorder},
     integrator::Integrator,
-    light::{Crossing, LightId},
-    math::Rgb,
+    light::{LightId, LightPoint},
     sampler::Sampler,
     scene::{Scene, SurfaceInteraction},
 };
@@ -20,7 +19,7 @@ use crate::{
 pub struct PathVertex<'a> {
     /// Position, metres.
     pub p: Vec3,
-    /// The surface; `None` on the light and at the pinhole.
+    /// The surface; `None` on the light and on the lens.
     pub si: Option<SurfaceInteraction<'a>>,
     /// Whether light is scattered by a delta lobe here.
     pub delta: bool,
@@ -31,12 +30,12 @@ pub struct PathVertex<'a> {
 pub struct LightEnd {
     /// Which light.
     pub id: LightId,
-    /// Size coordinate.
-    pub rho: f32,
+    /// Where.
+    pub at: LightPoint,
 }
 
 /// Weight of the strategy with `s` light vertices for the path `x` (light
-/// first, pinhole last). \[Veach97\] eq. 9.8 with densities by eq. 10.6.
+/// first, lens last). \[Veach97\] eq. 9.8 with densities by eq. 10.6.
 #[must_use]
 pub fn reference_weight(
     integrator: &Integrator,
@@ -58,33 +57,32 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
     let k = x.len() - 1;
     let light = &scene.lights[end.id as usize];
     let pmf = f64::from(scene.light_sampler.pmf(end.id).0);
-    let direction = |from: usize, to: usize| (x[to].p - x[from].p).normalize();
+    let is_infinite = light.is_infinite();
+    let direction = |from: usize, to: usize| match (from, to) {
+        (0, _) if is_infinite => end.at.n,
+        (_, 0) if is_infinite => -end.at.n,
+        _ => (x[to].p - x[from].p).normalize(),
+    };
+    let distance2 = |from: usize, to: usize| match from.min(to) {
+        0 => light.distance2(x[0].p, x[from.max(to)].p),
+        _ => x[to].p.distance_squared(x[from].p),
+    };
     let first = direction(0, 1);
-    // The crossing holds the light's normal; looked up by hitting it again.
-    let seen = light.crossing(x[1].p, -first, f32::INFINITY).unwrap_or(Crossing {
-        t: 0.0,
-        p: x[0].p,
-        n: Vec3::ZERO,
-        rho: end.rho,
-        radiance: Rgb::ZERO,
-    });
-    let seen = Crossing { p: x[0].p, rho: end.rho, ..seen };
     let cos = |i: usize, w: Vec3| match (&x[i].si, i) {
         (Some(si), _) => si.ng.dot(w).abs(),
         (None, 0) if light.is_delta() => 1.0,
-        (None, 0) => seen.n.dot(w).abs(),
+        (None, 0) => end.at.n.dot(w).abs(),
         (None, _) => 1.0,
     };
     let to_area = |from: usize, to: usize, pdf: f32| {
-        f64::from(pdf) * f64::from(cos(to, direction(from, to)))
-            / f64::from(x[to].p.distance_squared(x[from].p))
+        f64::from(pdf) * f64::from(cos(to, direction(from, to))) / f64::from(distance2(from, to))
     };
     let scattered = |previous: usize, at: usize, next: usize| match &x[at].si {
         Some(_) if x[at].delta => 1.0,
         Some(si) => si.pdf(direction(at, previous), direction(at, next)).0,
         None => 0.0,
     };
-    let (origin, emission) = light.pdf_le(seen.n, first, end.rho);
+    let (origin, emission) = light.pdf_le(&end.at, first);
     let from_light: Vec<f64> = (0..k)
         .map(|i| match i {
             0 => pmf * f64::from(origin.0),
@@ -101,7 +99,8 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
             }
         })
         .collect();
-    let next_event = pmf * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &seen).0) };
+    let next_event =
+        pmf * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &end.at).0) };
     (0..=k)
         .map(|s| {
             let exists = match s {
@@ -119,14 +118,25 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
         .collect()
 }
 
-/// Takes one bidirectional sample and returns, for each of its contributions,
-/// the weight it was given and the reference weight.
+/// A contribution with its weight recomputed.
+#[derive(Clone, Copy, Debug)]
+pub struct Compared {
+    /// The contribution, with the weight it was given.
+    pub contribution: Contribution,
+    /// The reference weight.
+    pub reference: f64,
+    /// Length of the path's shortest edge between surfaces, metres: the reference
+    /// takes directions from positions, which on a short edge is inexact.
+    pub shortest_edge: f32,
+}
+
+/// Takes one bidirectional sample and compares the weights of its contributions.
 pub fn compare_weights(
     integrator: &Integrator,
     scene: &Scene,
     sampler: &mut Sampler,
     pixel: UVec2,
-) -> Vec<(Contribution, f64)> {
+) -> Vec<Compared> {
     let mut found: Vec<Contribution> = Vec::new();
     let mut workspace = Workspace::default();
     let mut recorder = |_raster: Option<glam::Vec2>, c: &Contribution| found.push(*c);
@@ -135,7 +145,7 @@ pub fn compare_weights(
         .into_iter()
         .map(|c| {
             let (s, t) = (usize::from(c.strategy.s), usize::from(c.strategy.t));
-            let light_point = PathVertex { p: c.light_point, si: None, delta: false };
+            let light_point = PathVertex { p: c.at.p, si: None, delta: false };
             let mut x = Vec::new();
             let camera_vertices = match s {
                 0 => {
@@ -154,9 +164,16 @@ pub fn compare_weights(
             };
             let last = camera_vertices.len() - 1;
             x.extend(camera_vertices.iter().enumerate().rev().map(|(i, v)| inner(v, i == last && s > 0)));
-            let end = LightEnd { id: c.light, rho: c.rho };
-            let reference = reference_weight(integrator, scene, end, &x, s);
-            (c, reference)
+            let end = LightEnd { id: c.light, at: c.at };
+            let surfaces = &x[1..x.len() - 1];
+            Compared {
+                contribution: c,
+                reference: reference_weight(integrator, scene, end, &x, s),
+                shortest_edge: surfaces
+                    .windows(2)
+                    .map(|e| e[0].p.distance(e[1].p))
+                    .fold(f32::INFINITY, f32::min),
+            }
         })
         .collect()
 }

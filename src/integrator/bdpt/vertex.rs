@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::{
     bsdf::TransportMode,
-    light::LightId,
+    light::{LightId, LightPoint},
     math::{Rgb, SolidAnglePdf},
     scene::SurfaceInteraction,
 };
@@ -12,17 +12,10 @@ use crate::{
 /// What a vertex lies on.
 #[derive(Clone, Copy, Debug)]
 pub enum VertexKind<'a> {
-    /// The pinhole.
+    /// A point of the lens.
     Camera,
     /// The origin of a light subpath.
-    Light {
-        /// Which light.
-        id: LightId,
-        /// Unit normal; zero for a point light.
-        n: Vec3,
-        /// Emitted along the first edge for L = 1.
-        radiance: Rgb,
-    },
+    Light(LightId),
     /// A surface.
     Surface(SurfaceInteraction<'a>),
 }
@@ -41,8 +34,8 @@ pub struct Vertex<'a> {
     pub beta: Rgb,
     /// Light of a light subpath.
     pub light: LightId,
-    /// Size coordinate of a light subpath.
-    pub rho: f32,
+    /// Origin of a light subpath.
+    pub at: LightPoint,
     /// Density with which the subpath's own sampling made this vertex, m⁻²
     /// (for `y_0` with the light's selection probability).
     pub pdf_fwd: f64,
@@ -53,7 +46,7 @@ pub struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    /// Geometric normal; `None` where there is no surface (pinhole, point light).
+    /// Geometric normal; `None` where there is no surface (lens, light).
     #[must_use]
     pub fn surface(&self) -> Option<&SurfaceInteraction<'a>> {
         match &self.kind {

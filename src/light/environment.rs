@@ -1,0 +1,290 @@
+//! Lights at infinity: one direction, or all of them.
+//!
+//! A picture of the surroundings maps the direction d to
+//! u = atan2(d.x, −d.z)/2π, v = acos(d.y)/π from the top (y up), as Mitsuba's
+//! `envmap`: its left edge lies toward −z, its middle toward +z.
+
+use std::{f32::consts::PI, sync::Arc};
+
+use glam::{Vec2, Vec3};
+
+use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
+use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, luminance, warp};
+
+/// The ball that holds the scene, as seen from infinity.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings {
+    /// Centre of the scene's bounding sphere, metres.
+    pub center: Vec3,
+    /// Its radius, metres.
+    pub radius: f32,
+    /// A distance that leads out of the scene from anywhere in it and from the camera, metres.
+    pub far: f32,
+}
+
+impl Default for Surroundings {
+    /// The unit ball.
+    fn default() -> Self {
+        Self { center: Vec3::ZERO, radius: 1.0, far: 4.0 }
+    }
+}
+
+impl Surroundings {
+    /// Density of a point of the disk that covers the scene, m⁻².
+    pub(super) fn disk_pdf(&self) -> f32 {
+        1.0 / (PI * self.radius * self.radius)
+    }
+
+    /// A point of the disk outside the scene through which light along `dir` comes.
+    fn entry(&self, dir: Vec3, u: Vec2) -> Vec3 {
+        let disk = warp::square_to_disk(u) * self.radius;
+        self.center + Frame::from_normal(dir).to_world(disk.extend(-self.radius))
+    }
+}
+
+/// Parallel light.
+#[derive(Clone, Copy, Debug)]
+pub struct Distant {
+    /// Unit direction in which the light travels.
+    pub direction: Vec3,
+    /// The scene it shines on.
+    pub scene: Surroundings,
+}
+
+impl Distant {
+    fn at(&self, p: Vec3) -> LightPoint {
+        LightPoint { p, n: self.direction, rho: 0.0, element: 0 }
+    }
+
+    pub(super) fn sample_li(&self, reference: Vec3) -> LightLiSample {
+        LightLiSample {
+            radiance: Rgb::ONE,
+            wi: -self.direction,
+            pdf: SolidAnglePdf(1.0),
+            at: self.at(reference - self.direction * self.scene.far),
+        }
+    }
+
+    pub(super) fn sample_le(&self, u: Vec2) -> LightLeSample {
+        LightLeSample {
+            radiance: Rgb::ONE,
+            at: self.at(self.scene.entry(self.direction, u)),
+            dir: self.direction,
+            pdf_pos: AreaPdf(1.0),
+            pdf_dir: SolidAnglePdf(self.scene.disk_pdf()),
+        }
+    }
+}
+
+/// Light from all directions, alike or as a picture says.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    /// What is seen in each direction; `None` is 1 everywhere.
+    pub map: Option<Arc<RadianceMap>>,
+    /// Angle by which the picture is turned about +y, radians, anticlockwise from above.
+    pub rotation: f32,
+    /// The scene it surrounds.
+    pub scene: Surroundings,
+}
+
+impl Environment {
+    fn turn(d: Vec3, angle: f32) -> Vec3 {
+        let (sin, cos) = angle.sin_cos();
+        Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
+    }
+
+    /// Unit radiance seen along unit `dir`.
+    #[must_use]
+    pub fn radiance(&self, dir: Vec3) -> Rgb {
+        self.map.as_ref().map_or(Rgb::ONE, |m| m.sample(direction_to_uv(Self::turn(dir, -self.rotation))))
+    }
+
+    /// Density of the direction `dir` toward the light.
+    pub(super) fn pdf(&self, dir: Vec3) -> SolidAnglePdf {
+        self.map.as_ref().map_or(warp::UNIFORM_SPHERE_PDF, |m| {
+            let dir = Self::turn(dir, -self.rotation);
+            let sin = (1.0 - dir.y * dir.y).max(0.0).sqrt();
+            let pdf = m.pdf(direction_to_uv(dir));
+            SolidAnglePdf(if sin > 0.0 { pdf / (2.0 * PI * PI * sin) } else { 0.0 })
+        })
+    }
+
+    fn sample_direction(&self, u: Vec2) -> Vec3 {
+        match &self.map {
+            None => warp::square_to_sphere(u),
+            Some(m) => Self::turn(uv_to_direction(m.sample_uv(u)), self.rotation),
+        }
+    }
+
+    fn at(&self, p: Vec3, dir: Vec3) -> LightPoint {
+        LightPoint { p, n: -dir, rho: 0.0, element: 0 }
+    }
+
+    pub(super) fn crossing(&self, org: Vec3, dir: Vec3) -> Crossing {
+        Crossing {
+            t: f32::INFINITY,
+            at: self.at(org + dir * self.scene.far, dir),
+            radiance: self.radiance(dir),
+        }
+    }
+
+    pub(super) fn sample_li(&self, reference: Vec3, u: Vec2) -> Option<LightLiSample> {
+        let wi = self.sample_direction(u);
+        let pdf = self.pdf(wi);
+        (pdf.0 > 0.0).then(|| LightLiSample {
+            radiance: self.radiance(wi),
+            wi,
+            pdf,
+            at: self.at(reference + wi * self.scene.far, wi),
+        })
+    }
+
+    pub(super) fn sample_le(&self, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
+        let wi = self.sample_direction(u_pos);
+        let pdf = self.pdf(wi);
+        (pdf.0 > 0.0).then(|| LightLeSample {
+            radiance: self.radiance(wi),
+            at: self.at(self.scene.entry(-wi, u_dir), wi),
+            dir: -wi,
+            pdf_pos: AreaPdf(pdf.0),
+            pdf_dir: SolidAnglePdf(self.scene.disk_pdf()),
+        })
+    }
+
+    /// Power at unit radiance that enters the scene's bounding sphere, W.
+    pub(super) fn power(&self) -> Rgb {
+        self.map.as_ref().map_or(Rgb::splat(4.0 * PI), |m| m.integral()) / self.scene.disk_pdf()
+    }
+}
+
+fn direction_to_uv(d: Vec3) -> Vec2 {
+    let u = d.x.atan2(-d.z) / (2.0 * PI);
+    Vec2::new(if u < 0.0 { u + 1.0 } else { u }, d.y.clamp(-1.0, 1.0).acos() / PI)
+}
+
+fn uv_to_direction(uv: Vec2) -> Vec3 {
+    let (sin_theta, cos_theta) = (PI * uv.y).sin_cos();
+    let (sin_phi, cos_phi) = (2.0 * PI * uv.x).sin_cos();
+    Vec3::new(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta)
+}
+
+/// An equirectangular picture of radiance with the distribution of its light:
+/// bilinear between pixel centres, which wrap around horizontally.
+#[derive(Debug)]
+pub struct RadianceMap {
+    width: usize,
+    height: usize,
+    texels: Vec<[f32; 3]>,
+    /// Cumulated over each row; [row][column].
+    columns: Vec<f32>,
+    /// Cumulated over rows.
+    rows: Vec<f32>,
+    integral: Rgb,
+}
+
+impl RadianceMap {
+    /// A picture of linear Rec.709 radiance, row by row from the top; `None`
+    /// when it is empty, has a value that is no radiance, or is black.
+    #[must_use]
+    pub fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Option<Self> {
+        let is_radiance = |v: &f32| v.is_finite() && *v >= 0.0;
+        if texels.is_empty() || texels.len() != width * height || !texels.iter().flatten().all(is_radiance) {
+            return None;
+        }
+        let map = Self { width, height, texels, columns: vec![], rows: vec![], integral: Rgb::ZERO };
+        let (mut columns, mut rows) = (Vec::with_capacity(width * height), Vec::with_capacity(height));
+        let (mut total, mut integral) = (0.0_f64, glam::DVec3::ZERO);
+        for y in 0..height {
+            let sin = (PI * (y as f32 + 0.5) / height as f32).sin();
+            let mut sum = 0.0_f64;
+            for x in 0..width {
+                let mean = map.cell_mean(x, y) * sin;
+                integral += mean.as_dvec3();
+                sum += f64::from(luminance(mean));
+                columns.push(sum as f32);
+            }
+            total += sum;
+            rows.push(total as f32);
+        }
+        let cell = 2.0 * std::f64::consts::PI.powi(2) / (width * height) as f64;
+        (total > 0.0 && total.is_finite()).then(|| Self {
+            columns,
+            rows,
+            integral: (integral * cell).as_vec3(),
+            ..map
+        })
+    }
+
+    /// Width and height, pixels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// Linear radiance, row by row from the top.
+    #[must_use]
+    pub fn texels(&self) -> &[[f32; 3]] {
+        &self.texels
+    }
+
+    fn texel(&self, x: i64, y: i64) -> Vec3 {
+        let x = x.rem_euclid(self.width as i64) as usize;
+        let y = y.clamp(0, self.height as i64 - 1) as usize;
+        Vec3::from_array(self.texels[y * self.width + x])
+    }
+
+    /// Mean of the bilinear picture over the cell of a pixel.
+    fn cell_mean(&self, x: usize, y: usize) -> Rgb {
+        let (x, y) = (x as i64, y as i64);
+        let row = |y| (self.texel(x - 1, y) + 6.0 * self.texel(x, y) + self.texel(x + 1, y)) / 8.0;
+        (row(y - 1) + 6.0 * row(y) + row(y + 1)) / 8.0
+    }
+
+    fn sample(&self, uv: Vec2) -> Rgb {
+        let x = uv.x * self.width as f32 - 0.5;
+        let y = uv.y * self.height as f32 - 0.5;
+        let (x0, y0) = (x.floor(), y.floor());
+        let (fx, fy) = (x - x0, y - y0);
+        let (x0, y0) = (x0 as i64, y0 as i64);
+        let row = |y| self.texel(x0, y).lerp(self.texel(x0 + 1, y), fx);
+        row(y0).lerp(row(y0 + 1), fy)
+    }
+
+    /// Total of a row, cumulated.
+    fn row(&self, y: usize) -> &[f32] {
+        &self.columns[y * self.width..(y + 1) * self.width]
+    }
+
+    /// Density over the unit square.
+    fn pdf(&self, uv: Vec2) -> f32 {
+        let cell = |v: f32, n: usize| ((v * n as f32) as usize).min(n - 1);
+        let (x, y) = (cell(uv.x, self.width), cell(uv.y, self.height));
+        let share = |cdf: &[f32], i: usize| cdf[i] - if i == 0 { 0.0 } else { cdf[i - 1] };
+        let (row, total) = (self.row(y), self.rows[self.height - 1]);
+        let row_total = row[self.width - 1];
+        if row_total <= 0.0 {
+            return 0.0;
+        }
+        let p_row = share(&self.rows, y) / total;
+        p_row * share(row, x) / row_total * (self.width * self.height) as f32
+    }
+
+    fn sample_uv(&self, u: Vec2) -> Vec2 {
+        let find = |cdf: &[f32], u: f32| {
+            let target = u * cdf[cdf.len() - 1];
+            let i = cdf.partition_point(|&c| c <= target).min(cdf.len() - 1);
+            let below = if i == 0 { 0.0 } else { cdf[i - 1] };
+            let width = cdf[i] - below;
+            let within = if width > 0.0 { ((target - below) / width).clamp(0.0, 1.0) } else { 0.5 };
+            (i, (i as f32 + within) / cdf.len() as f32)
+        };
+        let (y, v) = find(&self.rows, u.y);
+        let (_, x) = find(self.row(y), u.x);
+        Vec2::new(x, v).min(Vec2::splat(crate::math::ONE_MINUS_EPSILON))
+    }
+
+    /// ∫ L dω, over the cells.
+    fn integral(&self) -> Rgb {
+        self.integral
+    }
+}
