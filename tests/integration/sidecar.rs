@@ -132,7 +132,7 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
         (
             "radiance = 5.0",
             "look_at = [0, 0, 0]",
-            "`lights.fill.look_at`: only for a rectangle, disk or spot",
+            "`lights.fill.look_at`: only for a rectangle, disk, spot or distant light",
         ),
         ("radiance = 8.0", "radius = 1.0", "`lights.key.radius`: only for a disk, sphere or spot"),
         ("name = \"fill\"", "name = \"key\"", "`lights.key`: two lights have this name"),
