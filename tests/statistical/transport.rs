@@ -61,6 +61,11 @@ fn path_equals_bdpt_on_a_glossy_floor() {
 }
 
 #[test]
+fn path_equals_bdpt_on_tilted_normals_and_textured_mixtures() {
+    path_equals_bdpt(&scenes::normal_mapped(SIZE), 24, 32);
+}
+
+#[test]
 fn path_equals_bdpt_with_two_lights_in_line() {
     path_equals_bdpt(&scenes::lights_in_line(SIZE), 24, 32);
 }

@@ -25,6 +25,7 @@ fn all_scenes() -> Vec<Scene> {
         scenes::smooth_glass(size),
         scenes::glossy_floor(size),
         scenes::lights_in_line(size),
+        scenes::normal_mapped(size),
     ]
 }
 
