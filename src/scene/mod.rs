@@ -5,6 +5,8 @@ pub mod builder;
 pub mod interaction;
 pub mod material;
 pub mod mesh;
+pub mod mtl;
+pub mod mtl_params;
 pub mod obj;
 pub mod relief;
 pub mod sidecar;
