@@ -1,17 +1,19 @@
-//! Merges OBJ and sidecar into a [`Scene`] and checks both.
+//! Merges scene file and sidecar into a [`Scene`] and checks both.
 
 use std::{
     fs,
+    io::ErrorKind,
     path::{Path, PathBuf},
 };
 
 use glam::{UVec2, Vec3};
 
 use super::{
-    Scene,
+    Scene, gltf,
+    imported::{ImportedCamera, ImportedLight, Punctual},
     material::{Coats, Material, MaterialParams},
     obj,
-    sidecar::{LightSpec, LightType, MaterialSpec, Selection, Sidecar},
+    sidecar::{FreeKind, LightSpec, LightType, MaterialSpec, SCHEMA, Selection, Sidecar},
     wavefront::{LineError, Part},
 };
 use crate::{
@@ -28,18 +30,25 @@ use crate::{
 pub enum SceneError {
     #[error("{path}: no such scene{hint}", path = path.display())]
     NotFound { path: PathBuf, hint: String },
-    #[error("{path}: is a directory; a scene is a Wavefront .obj file", path = path.display())]
+    #[error("{path}: is a directory; a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
     Directory { path: PathBuf },
-    #[error("{path}: a scene is a Wavefront .obj file", path = path.display())]
-    NotObj { path: PathBuf },
+    #[error("{path}: a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
+    NotScene { path: PathBuf },
     #[error("{path}: cannot read the sidecar, which gives camera, main object and lights", path = path.display())]
     Sidecar { path: PathBuf, source: std::io::Error },
+    #[error(
+        "{path}: no such sidecar, and {scene} has no camera; write one with [camera], or export the scene with its camera",
+        path = path.display(), scene = scene.display()
+    )]
+    NoCamera { path: PathBuf, scene: PathBuf },
     #[error("{path}: cannot read the scene", path = path.display())]
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path}: cannot read OBJ or MTL", path = path.display())]
     Obj { path: PathBuf, source: tobj::LoadError },
     #[error("{path}:{line}: {message}", path = path.display())]
     Line { path: PathBuf, line: usize, message: String },
+    #[error("{path}: {message}", path = path.display())]
+    Gltf { path: PathBuf, message: String },
     #[error("{path}: no triangle in this file", path = path.display())]
     NoTriangles { path: PathBuf },
     #[error("{path}: `{key}`: {message}", path = path.display())]
@@ -76,15 +85,28 @@ pub struct LightBounds {
 /// Where scenes are sought that are not found as given.
 const LIBRARY: &str = "scenes";
 
+/// Endings of scene files, in the order in which they are tried.
+const ENDINGS: [&str; 3] = ["obj", "glb", "gltf"];
+
+/// Whether a file is a scene by its ending; the ending is returned.
+fn ending(path: &Path) -> Option<&'static str> {
+    let given = path.extension()?;
+    ENDINGS.into_iter().find(|e| given.eq_ignore_ascii_case(e))
+}
+
 /// Finds a scene file: as given or, for a relative path, in `scenes/`; the
-/// ending `.obj` may be left out.
+/// ending `.obj`, `.glb` or `.gltf` may be left out.
 ///
 /// # Errors
-/// When there is none, or the file is not an OBJ.
+/// When there is none, or the file is neither OBJ nor glTF.
 pub fn find(path: &Path) -> Result<PathBuf, SceneError> {
-    let mut with_ending = path.as_os_str().to_owned();
-    with_ending.push(".obj");
-    let given = [path.to_path_buf(), with_ending.into()];
+    let mut given = vec![path.to_path_buf()];
+    given.extend(ENDINGS.map(|e| {
+        let mut with_ending = path.as_os_str().to_owned();
+        with_ending.push(".");
+        with_ending.push(e);
+        PathBuf::from(with_ending)
+    }));
     let sought = given.iter().map(|p| Path::new(LIBRARY).join(p)).filter(|_| path.is_relative());
     let Some(found) = given.iter().cloned().chain(sought).find(|p| p.is_file()) else {
         if path.is_dir() {
@@ -92,8 +114,8 @@ pub fn find(path: &Path) -> Result<PathBuf, SceneError> {
         }
         return Err(SceneError::NotFound { path: path.into(), hint: hint(path) });
     };
-    if !found.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
-        return Err(SceneError::NotObj { path: found });
+    if ending(&found).is_none() {
+        return Err(SceneError::NotScene { path: found });
     }
     Ok(found)
 }
@@ -103,10 +125,10 @@ fn hint(path: &Path) -> String {
     if path.is_absolute() {
         return String::new();
     }
-    let is_obj = |n: &String| n.to_lowercase().ends_with(".obj");
+    let is_scene = |n: &String| ending(Path::new(n)).is_some();
     let list = |dir: &Path| -> Vec<String> {
         let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-        entries.map(|e| e.file_name().to_string_lossy().into_owned()).filter(is_obj).collect()
+        entries.map(|e| e.file_name().to_string_lossy().into_owned()).filter(is_scene).collect()
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -118,19 +140,25 @@ fn hint(path: &Path) -> String {
     }
 }
 
-/// Loads `path` (see [`find`]) and the sidecar beside it.
+/// Loads `path` (see [`find`]) and the sidecar beside it, which a glTF with a
+/// camera can do without.
 ///
 /// # Errors
 /// With the file, the key and what is allowed.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
-    let obj_path = find(path)?;
-    let toml_path = obj_path.with_extension("toml");
-    let text = fs::read_to_string(&toml_path)
-        .map_err(|source| SceneError::Sidecar { path: toml_path.clone(), source })?;
+    let scene_path = find(path)?;
+    let toml_path = scene_path.with_extension("toml");
+    let is_obj = ending(&scene_path) == Some("obj");
+    let (text, has_sidecar) = match fs::read_to_string(&toml_path) {
+        Ok(text) => (text, true),
+        Err(e) if e.kind() == ErrorKind::NotFound && !is_obj => (format!("schema = {SCHEMA}"), false),
+        Err(source) => return Err(SceneError::Sidecar { path: toml_path, source }),
+    };
     let sidecar = Sidecar::parse(&toml_path, &text)?;
-    let mut scene = Builder { obj_path: &obj_path, toml_path: &toml_path }.build(&sidecar)?;
-    if obj_path != path {
-        scene.warnings.insert(0, format!("using {}", obj_path.display()));
+    let builder = Builder { scene_path: &scene_path, toml_path: &toml_path, is_obj, has_sidecar };
+    let mut scene = builder.build(&sidecar)?;
+    if scene_path != path {
+        scene.warnings.insert(0, format!("using {}", scene_path.display()));
     }
     Ok(scene)
 }
@@ -138,9 +166,18 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
 /// Names listed in a message, at most.
 const MAX_LISTED: usize = 12;
 
+/// Width of the picture of an imported camera, pixels; the sidecar's default.
+const CAMERA_WIDTH: u32 = 640;
+/// Its height where the file does not give the aspect.
+const CAMERA_HEIGHT: u32 = 480;
+/// Largest aspect, and inverse of the smallest, of an imported camera.
+const MAX_ASPECT: f32 = 16.0;
+
 struct Builder<'a> {
-    obj_path: &'a Path,
+    scene_path: &'a Path,
     toml_path: &'a Path,
+    is_obj: bool,
+    has_sidecar: bool,
 }
 
 impl Builder<'_> {
@@ -167,7 +204,17 @@ impl Builder<'_> {
             let message = format!("must be in [0, 180] degrees, got {}", sidecar.crease_angle);
             return Err(self.error("crease_angle", message));
         }
-        let parts = obj::load(self.obj_path, sidecar.crease_angle.to_radians())?;
+        let parts = if self.is_obj {
+            let required =
+                [(sidecar.camera.is_none(), "camera"), (sidecar.main_object.is_none(), "main_object")];
+            if let Some((_, field)) = required.iter().find(|(is_missing, _)| *is_missing) {
+                return Err(self.missing(field));
+            }
+            obj::load(self.scene_path, sidecar.crease_angle.to_radians())?
+        } else {
+            gltf::load(self.scene_path)?
+        };
+        let camera = self.camera(sidecar, parts.camera)?;
         let mut warnings = parts.warnings;
         for name in sidecar.materials.keys() {
             if !parts.materials.iter().any(|(n, _)| n == name) {
@@ -188,7 +235,15 @@ impl Builder<'_> {
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;
-        let is_main = self.select_main(&sidecar.main_object, &mesh, &parts.parts, &materials)?;
+        let is_main = match &sidecar.main_object {
+            Some(selection) => self.select_main(selection, &mesh, &parts.parts, &materials)?,
+            None => {
+                let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
+                warnings
+                    .push(format!("{} {reason}: everything is the main object", self.toml_path.display()));
+                vec![true; mesh.indices.len()]
+            }
+        };
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
@@ -205,10 +260,24 @@ impl Builder<'_> {
                 return Err(self.error(format!("lights.{}", l.name), "two lights have this name"));
             }
         }
-        let lights: Vec<Light> = sidecar.lights.iter().map(|l| self.light(l)).collect::<Result<_, _>>()?;
-        let light_bounds =
-            sidecar.lights.iter().map(|l| self.light_bounds(sidecar, l)).collect::<Result<_, _>>()?;
-        let camera = self.camera(sidecar)?;
+        let mut lights = Vec::new();
+        let mut light_bounds = Vec::new();
+        for l in &parts.lights {
+            let (file, name) = (self.scene_path.display(), &l.name);
+            if names.contains(name) {
+                warnings.push(format!("{file}: light `{name}` is replaced by that of the sidecar"));
+            } else if let Some(light) = self.punctual(l) {
+                lights.push(light);
+                let radiance_free = sidecar.free.contains(FreeKind::Radiance);
+                light_bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+            } else {
+                warnings.push(format!("{file}: light `{name}` is left out: only point lights are read"));
+            }
+        }
+        for l in &sidecar.lights {
+            lights.push(self.light(l)?);
+            light_bounds.push(self.light_bounds(sidecar, l)?);
+        }
         if let Some([lo, hi]) = sidecar.background.value_range
             && !(lo >= 0.0 && lo <= hi && hi.is_finite())
         {
@@ -216,9 +285,9 @@ impl Builder<'_> {
             return Err(self.error("background.value_range", message));
         }
         let name =
-            self.obj_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
+            self.scene_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
         let scene = Scene::new(&name, mesh, materials, lights, camera)
-            .map_err(|source| SceneError::Embree { path: self.obj_path.to_path_buf(), source })?;
+            .map_err(|source| SceneError::Embree { path: self.scene_path.to_path_buf(), source })?;
         Ok(Scene {
             parts: parts.parts,
             light_bounds,
@@ -267,7 +336,7 @@ impl Builder<'_> {
         name: &str,
         known: impl Iterator<Item = &'n str> + Clone,
     ) -> SceneError {
-        let file = self.obj_path.display();
+        let file = self.scene_path.display();
         let message = match (nearest(name, known.clone()), known.clone().count()) {
             (Some(near), _) => format!("no `{name}` in {file}; did you mean `{near}`?"),
             (None, 0) => format!("no `{name}`: {file} names none"),
@@ -366,8 +435,23 @@ impl Builder<'_> {
         Ok((0..materials.len()).filter(|&i| selected[i] && materials[i].has_value()).collect())
     }
 
-    fn camera(&self, sidecar: &Sidecar) -> Result<Camera, SceneError> {
-        let c = &sidecar.camera;
+    /// That the sidecar lacks something.
+    fn missing(&self, field: &str) -> SceneError {
+        let message = format!("missing field `{field}`");
+        SceneError::Line { path: self.toml_path.to_path_buf(), line: 1, message }
+    }
+
+    /// The sidecar's camera, else that of the scene file.
+    fn camera(&self, sidecar: &Sidecar, imported: Option<ImportedCamera>) -> Result<Camera, SceneError> {
+        let Some(c) = &sidecar.camera else {
+            return match imported {
+                Some(c) => self.imported_camera(&c),
+                None if self.has_sidecar => Err(self.missing("camera")),
+                None => {
+                    Err(SceneError::NoCamera { path: self.toml_path.into(), scene: self.scene_path.into() })
+                }
+            };
+        };
         if !(c.vfov > 0.0 && c.vfov < 180.0) {
             return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
         }
@@ -382,6 +466,36 @@ impl Builder<'_> {
         }
         Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
             .ok_or_else(|| self.error("camera.look_at", "must differ from `position` and not lie along `up`"))
+    }
+
+    fn imported_camera(&self, c: &ImportedCamera) -> Result<Camera, SceneError> {
+        let height = c.aspect.map_or(CAMERA_HEIGHT, |a| {
+            let aspect = a.clamp(1.0 / MAX_ASPECT, MAX_ASPECT);
+            (CAMERA_WIDTH as f32 / aspect).round() as u32
+        });
+        let size = UVec2::new(CAMERA_WIDTH, height);
+        Camera::new(c.position, c.look_at, c.up, c.vfov, size).ok_or_else(|| {
+            let message = "cannot be used as it is placed; give [camera] in the sidecar".into();
+            SceneError::Key { path: self.scene_path.into(), key: "cameras".into(), message }
+        })
+    }
+
+    /// A light of the scene file; `None` when it is of a kind that is not simulated.
+    fn punctual(&self, l: &ImportedLight) -> Option<Light> {
+        let shape = match l.kind {
+            Punctual::Point => Shape::Point(l.position),
+            Punctual::Spot { .. } | Punctual::Directional => return None,
+        };
+        let y = luminance(l.color);
+        Some(Light {
+            name: l.name.clone(),
+            shape,
+            color: l.color / y,
+            radiance: l.intensity * y,
+            size: 1.0,
+            size_density: SizeDensity::UniformArea { extent: 1.0 },
+            camera_visible: true,
+        })
     }
 
     fn light_bounds(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightBounds, SceneError> {

@@ -2,6 +2,8 @@
 //! integrator asks of them.
 
 pub mod builder;
+pub mod gltf;
+pub mod imported;
 pub mod interaction;
 pub mod material;
 pub mod mesh;

@@ -1,11 +1,7 @@
 //! OBJ, MTL and textures.
 
 use glam::Vec3;
-use lightopt_embree::scene::{
-    SceneError, builder,
-    material::Model,
-    obj::{self, ObjScene},
-};
+use lightopt_embree::scene::{SceneError, builder, imported::Imported, material::Model, obj};
 
 use crate::room::{MTL, OBJ, Room, TOML};
 
@@ -14,12 +10,12 @@ const CREASE: f32 = 0.7;
 /// A square in the plane y = 0.
 const SQUARE: &str = "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\n";
 
-fn load(obj: &str, mtl: &str) -> Result<ObjScene, SceneError> {
+fn load(obj: &str, mtl: &str) -> Result<Imported, SceneError> {
     let room = Room::with(obj, mtl, TOML);
     obj::load(&room.path("room.obj"), CREASE)
 }
 
-fn load_ok(obj: &str) -> ObjScene {
+fn load_ok(obj: &str) -> Imported {
     load(obj, MTL).unwrap()
 }
 
@@ -28,7 +24,7 @@ fn line_of(e: &SceneError) -> String {
     text.split_once("room.").map(|(_, rest)| rest.to_owned()).unwrap_or(text)
 }
 
-fn area(s: &ObjScene) -> f32 {
+fn area(s: &Imported) -> f32 {
     (0..s.mesh.indices.len())
         .map(|t| {
             let [a, b, c] = s.mesh.corners(t);
@@ -68,7 +64,7 @@ fn absent_normals_are_smooth_below_the_crease_across_materials_and_groups() {
              usemtl floor\ng b\nf 2 5 6 3\n"
         )
     };
-    let shared = |s: &ObjScene| {
+    let shared = |s: &Imported| {
         let at = |t: usize, p: Vec3| {
             let i = s.mesh.indices[t].iter().find(|&&i| s.mesh.positions[i as usize] == p).unwrap();
             s.mesh.normals[*i as usize]
@@ -325,7 +321,7 @@ fn what_is_no_scene_is_one_line() {
         ("lonely.obj", "lonely.toml: cannot read the sidecar"),
         ("rom.obj", "rom.obj: no such scene, and none in scenes/ either; did you mean `room.obj`?"),
         ("/no/such.obj", "/no/such.obj: no such scene"),
-        ("room.toml", "room.toml: a scene is a Wavefront .obj file"),
+        ("room.toml", "room.toml: a scene is a Wavefront .obj or a glTF .glb/.gltf file"),
     ] {
         for command in ["run", "render"] {
             let error = room.fail_at_once(&[command, scene]);
