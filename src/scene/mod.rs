@@ -2,6 +2,7 @@
 //! integrator asks of them.
 
 pub mod builder;
+mod find;
 pub mod gltf;
 pub mod imported;
 pub mod interaction;

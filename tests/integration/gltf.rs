@@ -282,7 +282,7 @@ fn cameras_and_lights_of_the_file_are_used() {
         ("/extensions/KHR_lights_punctual/lights/-", spot),
         ("/extensions/KHR_lights_punctual/lights/-", json!({"type": "directional"})),
         ("/nodes/0/extensions", json!({"KHR_lights_punctual": {"light": 1}})),
-        ("/nodes/0/rotation", json!([-0.70710678, 0, 0, 0.70710678])),
+        ("/nodes/0/rotation", json!([-1, 0, 0, 1])),
         ("/nodes/1/extensions", json!({"KHR_lights_punctual": {"light": 2}})),
         ("/nodes/1/camera", json!(0)),
     ]);

@@ -111,10 +111,8 @@ pub fn load(path: &Path) -> Result<Imported, SceneError> {
         notes: Notes::default(),
         n_degenerate: 0,
     };
-    for i in 0..nodes.len() {
-        if nodes[i].is_visible {
-            reader.node(i)?;
-        }
+    for (i, _) in nodes.iter().enumerate().filter(|(_, n)| n.is_visible) {
+        reader.node(i)?;
     }
     reader.finish()
 }
