@@ -272,7 +272,11 @@ impl Builder<'_> {
             }
             params.ior = ior;
         }
-        params.model = spec.model.unwrap_or(params.model);
+        if let Some(model) = spec.model {
+            params.model = model;
+            // The file's share of metal was that of its own model.
+            (params.metallic, params.metallic_map) = (0.0, None);
+        }
         Ok(params)
     }
 

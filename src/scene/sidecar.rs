@@ -4,7 +4,7 @@
 //! schema = 1                        # version of this format
 //! exposure = 1.0                    # factor on luminance before sRGB encoding
 //! free = ["radiance", "size", "background"]   # what may vary (default: all)
-//! crease_angle = 40.0               # degrees; for meshes without normals
+//! crease_angle = 40.0               # degrees; for an OBJ's meshes without normals
 //!
 //! [camera]                          # default: the camera of a glTF
 //! position = [0.0, 0.5, 1.5]        # metres

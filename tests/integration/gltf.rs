@@ -365,7 +365,7 @@ fn materials_are_mapped_as_documented() {
     let m = material(
         json!({"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 0.5], "roughnessFactor": 0.3}}),
     );
-    assert_eq!((m.model, m.roughness, m.opacity), (Model::Conductor, 0.3, 1.0));
+    assert_eq!((m.model, m.roughness, m.opacity, m.metallic), (Model::Conductor, 0.3, 1.0, 0.0));
     assert_eq!(m.base_color.to_array(), [0.5, 0.25, 1.0]);
 
     let m = material(

@@ -234,9 +234,11 @@ impl<'a> Materials<'a> {
         }
         if extensions.is_some_and(|e| e.unlit.is_some()) {
             out.model = Model::Diffuse;
-            (out.metallic, out.metallic_map) = (0.0, None);
             let name = &reading.name;
             reading.notes.add(format!("material `{name}`: is unlit, which is read as diffuse"));
+        }
+        if out.model != Model::Plastic {
+            (out.metallic, out.metallic_map) = (0.0, None);
         }
         if let Some(normal) = &m.normal_texture {
             let texture =
