@@ -66,6 +66,15 @@ fn path_equals_bdpt_on_tilted_normals_and_textured_mixtures() {
 }
 
 #[test]
+fn no_light_leaks_through_tilted_normals() {
+    let scene = scenes::dark_box(SIZE);
+    for integrator in [PATH, BDPT] {
+        let picture = render(&scene, &integrator, Sampling { count: 64, ..ONCE });
+        assert!(picture.rgb.iter().all(|p| *p == [0.0; 3]), "{:?}", integrator.kind);
+    }
+}
+
+#[test]
 fn path_equals_bdpt_with_two_lights_in_line() {
     path_equals_bdpt(&scenes::lights_in_line(SIZE), 24, 32);
 }
