@@ -385,6 +385,20 @@ pub fn normal_mapped(size: (u32, u32)) -> Scene {
     finish("normal_mapped", s, m, vec![ceiling_light()], size)
 }
 
+/// Inside a closed box whose walls have steep waves, lit from outside only.
+pub fn dark_box(size: (u32, u32)) -> Scene {
+    let mut s = Shapes::default();
+    s.cuboid(Vec3::splat(-1.0), Vec3::ONE, true, 0);
+    let walls = MaterialParams { relief: Some(waves(32)), ..params(Model::Plastic, [0.9; 3], 0.5) };
+    let walls = Material::new("walls".into(), walls, &mut Coats::default());
+    let lights = vec![
+        rectangle("sun", Vec3::new(0.3, 4.0, 0.2), Vec3::NEG_Y, 2.0, 2.0),
+        sphere_light("lamp", Vec3::new(2.5, 0.1, 0.3), 0.5),
+    ];
+    let camera = camera(Vec3::new(0.1, -0.2, 0.3), Vec3::new(0.6, 0.4, -0.2), 100.0, size);
+    Scene::new("dark_box", s.mesh, vec![walls], lights, camera).unwrap()
+}
+
 type Make = fn((u32, u32)) -> Scene;
 
 /// Every kind of material, light and camera.

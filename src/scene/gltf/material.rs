@@ -422,6 +422,7 @@ impl<'a> Materials<'a> {
             .map_err(image::ImageError::IoError)
             .and_then(image::ImageReader::decode)
             .and_then(|image| Texture::from_image(image, encoding))
+            .map(|texture| texture.named(format!("{}: {key}", file.path.display())))
             .map_err(|e| file.error(key, format!("cannot be decoded: {e}")))
     }
 }

@@ -47,7 +47,7 @@ mod file;
 mod geometry;
 mod material;
 
-use std::{collections::HashMap, path::Path};
+use std::{collections::HashMap, path::Path, sync::Arc};
 
 use glam::{Mat4, Quat, Vec3};
 use gltf_json::{
@@ -60,6 +60,7 @@ use super::{
     SceneError,
     imported::{Imported, ImportedCamera, ImportedLight, Punctual},
     mesh::Mesh,
+    texture::{self, Texture},
     wavefront::Part,
 };
 use crate::math::Rgb;
@@ -385,6 +386,11 @@ impl Reader<'_> {
         self.materials.report(&mut self.notes);
         if self.mesh.indices.is_empty() {
             return Err(SceneError::NoTriangles { path: path.clone() });
+        }
+        let in_use = self.materials.list.iter_mut().flat_map(|(_, p)| p.textures_mut());
+        let mut textures: Vec<&mut Arc<Texture>> = in_use.collect();
+        for warning in texture::fit(&mut textures, texture::TEXTURE_BUDGET) {
+            self.notes.add(warning);
         }
         Ok(Imported {
             mesh: self.mesh,
