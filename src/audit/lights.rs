@@ -17,9 +17,11 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::stored::About;
 use crate::{
     files::{nearest, toml_file::TomlError},
     scene::Scene,
+    transport::{Layout, LightingPoint},
 };
 
 /// Version of the format.
@@ -150,5 +152,69 @@ impl Lighting {
             scene.exposure = e;
         }
         Ok(())
+    }
+
+    /// Sets a lighting of a stored basis; returns the exposure, if there is one.
+    /// `path` is for messages.
+    ///
+    /// # Errors
+    /// With the key, when a name is unknown or a value is not in the basis.
+    pub fn apply_to(
+        &self,
+        about: &About,
+        layout: &Layout,
+        x: &mut LightingPoint,
+        path: &Path,
+    ) -> Result<Option<f64>, LightingError> {
+        let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
+        for l in &self.lights {
+            let Some(i) = about.lights.iter().position(|n| *n == l.name) else {
+                let known = about.lights.join(", ");
+                let message = format!("the basis has no light `{}`; it has {known}", l.name);
+                return Err(fail("lights.name".into(), message));
+            };
+            if !(l.radiance >= 0.0 && l.radiance.is_finite()) {
+                let message = format!("must be >= 0, got {}", l.radiance);
+                return Err(fail(format!("lights.{}.radiance", l.name), message));
+            }
+            x.radiance[i] = f64::from(l.radiance);
+            let Some(size) = l.size else { continue };
+            let cells = &layout.lights[i];
+            let key = format!("lights.{}.size", l.name);
+            // Sizes are written in f32.
+            let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b;
+            match &cells.knots {
+                None if near(size, cells.size) => {}
+                None => {
+                    return Err(fail(
+                        key,
+                        format!("is {} in this basis, and not free; got {size}", cells.size),
+                    ));
+                }
+                Some(_) if size > 0.0 && (size <= cells.size || near(size, cells.size)) => {
+                    x.size[i] = f64::from(size.min(cells.size));
+                }
+                Some(_) => return Err(fail(key, format!("must be in (0, {}], got {size}", cells.size))),
+            }
+        }
+        if let Some(Background { value }) = self.background {
+            let largest = layout.nodes.values()[0];
+            let free = layout.nodes.len() > 1;
+            let value = f64::from(value);
+            let same = (value - largest).abs() <= 1e-5 * largest;
+            let allowed =
+                if free { format!("in [0, {largest}]") } else { format!("{largest}: it is not free") };
+            if !(same || free && (0.0..=largest).contains(&value)) {
+                let message = format!("must be {allowed}, got {value}");
+                return Err(fail("background.value".into(), message));
+            }
+            x.value = value.min(largest);
+        }
+        if let Some(e) = self.exposure
+            && !(e > 0.0 && e.is_finite())
+        {
+            return Err(fail("exposure".into(), format!("must be > 0, got {e}")));
+        }
+        Ok(self.exposure.map(f64::from))
     }
 }

@@ -19,6 +19,7 @@
 
 pub mod lights;
 pub mod picture;
+pub mod stored;
 
 use std::{
     fs::{self, File, OpenOptions},

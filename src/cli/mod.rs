@@ -4,8 +4,10 @@ mod common;
 pub mod evaluate;
 pub mod export;
 mod progress;
+pub mod relight;
 pub mod render;
 pub mod run;
+pub mod scan;
 
 use std::io::{self, Write};
 
@@ -26,6 +28,8 @@ pub struct Cli {
 enum Command {
     Run(run::RunArgs),
     Render(render::RenderArgs),
+    Relight(relight::RelightArgs),
+    Scan(scan::ScanArgs),
     Evaluate(evaluate::EvaluateArgs),
     Export(export::ExportArgs),
 }
@@ -38,6 +42,8 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),
         Command::Render(args) => render::render(args),
+        Command::Relight(args) => relight::relight(args),
+        Command::Scan(args) => scan::scan(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
         Command::Export(args) => export::export(args),
     }

@@ -94,6 +94,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub time_limit: Option<Duration>,
 
+    /// Directory that keeps transport bases: another look of the same scene renders nothing, and
+    /// `relight` and `scan` work on them
+    #[arg(long, value_name = "DIR")]
+    pub cache: Option<PathBuf>,
+
     /// Most memory of the transport basis: fewer size knots are kept if it needs more
     #[arg(long, value_name = "BYTES", default_value = "2G", value_parser = parse_bytes)]
     pub memory: u64,
@@ -182,6 +187,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             gradient: args.gradient,
             tolerance: args.tolerance,
             time_limit: args.time_limit,
+            cache: args.cache.clone(),
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,

@@ -4,7 +4,7 @@
 //! samples of its own gives the f_q that is reported; while both disagree the
 //! basis is rendered again, with its size knots around the lights found.
 
-use std::time::Instant;
+use std::{path::PathBuf, time::Instant};
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -16,10 +16,10 @@ use super::{
     seed_for,
 };
 use crate::{
-    audit::{RunDir, picture},
-    integrator::{RenderError, aov::Aovs},
+    audit::{RunDir, picture, stored::About},
+    integrator::{Integrator, RenderError, aov::Aovs},
     light::SizeDensity,
-    math::hash::hash_words,
+    math::hash::{hash_bytes, hash_words},
     objective::{JackknifeEstimate, Objective},
     optim::{OptimError, StopReason},
     params::{ParamVector, survey::SizeBounds},
@@ -60,6 +60,8 @@ pub struct Engine {
     plan: Plan,
     basis: TransportBasis,
     seed: u64,
+    /// Where it is stored, and how many samples are there.
+    stored: Option<(PathBuf, u32)>,
 }
 
 /// What was found for one target.
@@ -167,9 +169,57 @@ impl Engine {
     ) -> Result<Self, RunError> {
         let layout = plan.layout(scene, options, None);
         let seed = seed_for(options.seed, Purpose::Optimise);
-        let mut engine = Self { plan, basis: TransportBasis::new(layout, REPLICATES), seed };
+        let stored = options.cache.as_ref().map(|directory| {
+            plan.open(scene);
+            let Integrator { kind, max_depth, heuristic } = camera.integrator;
+            let sampling = format!("{kind:?} {max_depth} {heuristic:?} {:?} {seed}", camera.sampler);
+            let words = format!("{layout:?} {sampling} {REPLICATES} {}", env!("LIGHTOPT_COMMIT"));
+            let key = hash_words(&[scene.fingerprint(), hash_bytes(words.bytes())]);
+            (directory.join(format!("{}-{key:016x}.basis", scene.name)), 0)
+        });
+        let mut engine = Self { plan, basis: TransportBasis::new(layout.clone(), REPLICATES), seed, stored };
+        if let Some((path, samples)) = &mut engine.stored
+            && path.exists()
+        {
+            match TransportBasis::load(path) {
+                Ok((basis, _)) if *basis.layout() == layout && basis.n_replicates() == REPLICATES => {
+                    *samples = basis.n_samples();
+                    engine.basis = basis;
+                    reporter.note(&format!(
+                        "using {}: {} samples a pixel, nothing to render",
+                        path.display(),
+                        *samples * REPLICATES as u32
+                    ));
+                    return Ok(engine);
+                }
+                Ok(_) => {}
+                // It is written anew.
+                Err(e) => reporter.note(&format!("{e}; rendering it again")),
+            }
+        }
         engine.add(options.spp, scene, camera, options, reporter)?;
         Ok(engine)
+    }
+
+    /// Stores the basis, if there is a cache and more in it than there was.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn store(
+        &self,
+        scene: &Scene,
+        aovs: &Aovs,
+        variables: &ParamVector,
+        options: &RunOptions,
+    ) -> Result<(), RunError> {
+        let Some((path, samples)) = &self.stored else { return Ok(()) };
+        if *samples == self.basis.n_samples() {
+            return Ok(());
+        }
+        let about = About::new(scene, &self.plan.fixed, aovs, variables, options.luminance);
+        let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
+        self.basis.save(path, &about)?;
+        Ok(())
     }
 
     /// Adds samples: `spp` per pixel over all replicates.
@@ -331,6 +381,7 @@ pub fn optimise(
             plan: engine.plan.clone(),
             basis: TransportBasis::new(layout, REPLICATES),
             seed: hash_words(&[engine.seed, u64::from(round) + 1]),
+            stored: None,
         };
         let samples = own.as_ref().unwrap_or(engine).samples();
         match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {

@@ -8,7 +8,7 @@
 //! from samples that chose nothing.
 
 mod basis;
-mod evaluator;
+pub mod evaluator;
 pub mod manifest;
 mod optimise;
 mod search;
@@ -69,6 +69,8 @@ pub struct RunOptions {
     pub tolerance: f64,
     /// Time after which no more samples are added for a target.
     pub time_limit: Option<Duration>,
+    /// Where bases are kept for later runs.
+    pub cache: Option<PathBuf>,
     /// Most memory of a basis, bytes.
     pub memory: u64,
     /// Light transport.
@@ -130,6 +132,12 @@ pub enum RunError {
     Objective(#[from] ObjectiveError),
     #[error(transparent)]
     Optim(#[from] OptimError),
+    #[error(transparent)]
+    Store(#[from] crate::transport::store::StoreError),
+    #[error("cannot describe the transport basis")]
+    About(#[source] std::io::Error),
+    #[error("{path}: cannot make the directory", path = path.display())]
+    Cache { path: PathBuf, source: std::io::Error },
     #[error(transparent)]
     Audit(#[from] AuditError),
     #[error(
@@ -217,6 +225,9 @@ pub fn run(
     let start = Instant::now();
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
+    }
+    if let Some(path) = &options.cache {
+        std::fs::create_dir_all(path).map_err(|source| RunError::Cache { path: path.clone(), source })?;
     }
     let camera =
         Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
@@ -343,6 +354,9 @@ pub fn run(
         if reporter.cancelled() {
             break;
         }
+    }
+    if let Some(engine) = &engine {
+        engine.store(scene, &aovs, &variables, options)?;
     }
     Ok(reports)
 }

@@ -4,12 +4,12 @@
 //! u = atan2(d.x, −d.z)/2π, v = acos(d.y)/π from the top (y up), as Mitsuba's
 //! `envmap`: its left edge lies toward −z, its middle toward +z.
 
-use std::{f32::consts::PI, sync::Arc};
+use std::{f32::consts::PI, fmt, sync::Arc};
 
 use glam::{Vec2, Vec3};
 
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
-use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, luminance, warp};
+use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, hash::hash_bytes, luminance, warp};
 
 /// The ball that holds the scene, as seen from infinity.
 #[derive(Clone, Copy, Debug)]
@@ -170,7 +170,6 @@ fn uv_to_direction(uv: Vec2) -> Vec3 {
 
 /// An equirectangular picture of radiance with the distribution of its light:
 /// bilinear between pixel centres, which wrap around horizontally.
-#[derive(Debug)]
 pub struct RadianceMap {
     width: usize,
     height: usize,
@@ -180,6 +179,14 @@ pub struct RadianceMap {
     /// Cumulated over rows.
     rows: Vec<f32>,
     integral: Rgb,
+}
+
+impl fmt::Debug for RadianceMap {
+    /// Its texels by their hash.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hash = hash_bytes(self.texels.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
+        write!(f, "RadianceMap({} x {}, {hash:016x})", self.width, self.height)
+    }
 }
 
 impl RadianceMap {

@@ -9,6 +9,20 @@ pub fn mix64(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// Hash of bytes.
+#[must_use]
+pub fn hash_bytes(bytes: impl Iterator<Item = u8>) -> u64 {
+    let (mut hash, mut word, mut n) = (0, 0_u64, 0_u64);
+    for b in bytes {
+        word = word << 8 | u64::from(b);
+        n += 1;
+        if n.is_multiple_of(8) {
+            (hash, word) = (mix64(hash ^ word), 0);
+        }
+    }
+    hash_words(&[hash, word, n])
+}
+
 /// Folds words into one well-mixed word; the order matters.
 #[must_use]
 pub fn hash_words(words: &[u64]) -> u64 {

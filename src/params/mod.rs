@@ -26,7 +26,7 @@ pub enum VariableKind {
 }
 
 /// How `u ∈ [0, 1]` maps to a value between the bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scale {
     /// Proportional.

@@ -22,7 +22,10 @@ use crate::{
     camera::Camera,
     embree::{Accel, EmbreeError, Hit, Ray, TriangleMesh},
     light::{Crossing, Light, LightId, LightSampler, Shape},
-    math::{Frame, hash::hash_words},
+    math::{
+        Frame,
+        hash::{hash_bytes, hash_words},
+    },
 };
 
 pub use builder::{SceneError, load};
@@ -157,6 +160,25 @@ impl Scene {
             free: sidecar::FreeVariables::default(),
             warnings: Vec::new(),
         })
+    }
+
+    /// Hash of all that decides how light is transported: geometry, materials,
+    /// lights with their present sizes, camera and background; not the radiances,
+    /// the exposure, nor what is main.
+    #[must_use]
+    pub fn fingerprint(&self) -> u64 {
+        let m = &self.mesh;
+        let float = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        let vectors = m.positions.iter().chain(&m.normals).flat_map(|v| float(&v.to_array()));
+        let uvs = m.uvs.iter().flat_map(|v| float(&v.to_array()));
+        let indices = m.indices.iter().flatten().chain(&m.materials).flat_map(|i| i.to_le_bytes());
+        let lights: Vec<Light> = self.lights.iter().map(|l| Light { radiance: 1.0, ..l.clone() }).collect();
+        let words = format!("{:?} {lights:?} {:?} {:?}", self.materials, self.camera, self.background);
+        hash_words(&[
+            hash_bytes(vectors.chain(uvs)),
+            hash_bytes(indices),
+            hash_bytes(words.into_bytes().into_iter()),
+        ])
     }
 
     /// First surface along a ray with unit direction; one that is less than half

@@ -4,13 +4,14 @@
 //! point, and decoded when they are looked up.
 
 use std::{
+    fmt,
     path::{Path, PathBuf},
     sync::{Arc, LazyLock},
 };
 
 use glam::{Affine2, Vec2, Vec4};
 
-use crate::math::Rgb;
+use crate::math::{Rgb, hash::hash_bytes};
 
 /// A texture could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -50,7 +51,7 @@ pub struct Texture {
 }
 
 /// The texels of a texture.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 struct Image {
     name: String,
     width: usize,
@@ -61,8 +62,21 @@ struct Image {
     range: [Vec4; 2],
 }
 
+impl fmt::Debug for Image {
+    /// Its texels by their hash.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let hash = match &self.texels {
+            Texels::U8(t) => hash_bytes(t.as_flattened().iter().copied()),
+            Texels::U16(t) => hash_bytes(t.as_flattened().iter().flat_map(|v| v.to_le_bytes())),
+            Texels::F32(t) => hash_bytes(t.as_flattened().iter().flat_map(|v| v.to_le_bytes())),
+        };
+        let Self { width, height, encoding, .. } = self;
+        write!(f, "Image({width} x {height}, {encoding:?}, {hash:016x})")
+    }
+}
+
 /// Texels as stored, row by row from the top.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 enum Texels {
     U8(Vec<[u8; 4]>),
     U16(Vec<[u16; 4]>),

@@ -71,6 +71,13 @@ impl Knots {
         Self { u: std::iter::once(0.0).chain(sizes.into_iter().map(|s| s * s)).collect() }
     }
 
+    /// Whether the knots are at least two and ascend from 0, as those read from a file should.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let ascend = self.u.windows(2).all(|w| w[0] < w[1]);
+        self.u.len() >= 2 && self.u[0] == 0.0 && ascend && self.u.iter().all(|u| u.is_finite())
+    }
+
     /// Number of knots, that at 0 included.
     #[must_use]
     pub fn len(&self) -> usize {

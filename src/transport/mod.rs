@@ -20,6 +20,7 @@ mod film;
 pub mod knots;
 pub mod nodes;
 mod recombine;
+pub mod store;
 
 use glam::UVec2;
 

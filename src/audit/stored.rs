@@ -1,0 +1,170 @@
+//! What a stored basis says about its scene: enough to light it again and to
+//! vary it without the scene's files.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    integrator::aov::Aovs,
+    math::display::LuminanceMode,
+    objective::{Objective, ObjectiveError, Target},
+    params::{ParamVector, Scale, Variable, VariableKind},
+    scene::Scene,
+    transport::{LightingPoint, TransportBasis},
+};
+
+/// About a stored basis.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct About {
+    /// Name of the scene.
+    pub scene: String,
+    /// Names of the lights.
+    pub lights: Vec<String>,
+    /// Radiances, sizes and background value of what is not set otherwise.
+    pub radiance: Vec<f64>,
+    /// See `radiance`.
+    pub size: Vec<f64>,
+    /// See `radiance`.
+    pub value: f64,
+    /// Whether the scene has a background whose value counts.
+    pub has_background: bool,
+    /// Factor on luminance before display encoding.
+    pub exposure: f64,
+    /// Measure of luminance.
+    pub luminance: LuminanceMode,
+    /// Lengths of runs of pixels off and on the main object, in turn.
+    pub mask: Vec<usize>,
+    /// What varied.
+    pub variables: Vec<StoredVariable>,
+}
+
+/// A variable by name.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct StoredVariable {
+    /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
+    pub name: String,
+    /// Least value.
+    pub lower: f64,
+    /// Largest value.
+    pub upper: f64,
+    /// Value at the start.
+    pub initial: f64,
+    /// Map from the optimiser's unit interval.
+    pub scale: Scale,
+}
+
+impl About {
+    /// About the basis of a scene.
+    #[must_use]
+    pub fn new(
+        scene: &Scene,
+        fixed: &LightingPoint,
+        aovs: &Aovs,
+        variables: &ParamVector,
+        luminance: LuminanceMode,
+    ) -> Self {
+        let mut mask = Vec::new();
+        let mut on = false;
+        let mut run = 0;
+        for &m in &aovs.mask {
+            if m != on {
+                mask.push(run);
+                (on, run) = (m, 0);
+            }
+            run += 1;
+        }
+        mask.push(run);
+        Self {
+            scene: scene.name.clone(),
+            lights: scene.lights.iter().map(|l| l.name.clone()).collect(),
+            radiance: fixed.radiance.clone(),
+            size: fixed.size.clone(),
+            value: fixed.value,
+            has_background: !scene.background().is_empty(),
+            exposure: f64::from(scene.exposure),
+            luminance,
+            mask,
+            variables: variables
+                .variables
+                .iter()
+                .map(|v| StoredVariable {
+                    name: v.name.clone(),
+                    lower: v.lower,
+                    upper: v.upper,
+                    initial: v.initial,
+                    scale: v.scale,
+                })
+                .collect(),
+        }
+    }
+
+    /// Whether it fits the basis that it came with.
+    #[must_use]
+    pub fn fits(&self, basis: &TransportBasis) -> bool {
+        let layout = basis.layout();
+        let n = layout.lights.len();
+        [self.lights.len(), self.radiance.len(), self.size.len()] == [n; 3]
+            && self.mask.iter().sum::<usize>() == layout.n_pixels()
+            && self.variables.iter().all(|v| self.kind(&v.name).is_some())
+    }
+
+    /// The pixels of the main object.
+    #[must_use]
+    pub fn mask(&self) -> Vec<bool> {
+        self.mask.iter().enumerate().flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n)).collect()
+    }
+
+    fn kind(&self, name: &str) -> Option<VariableKind> {
+        if name == "background.value" {
+            return Some(VariableKind::Background);
+        }
+        let (light, what) = name.rsplit_once('.')?;
+        let l = self.lights.iter().position(|n| n == light)?;
+        match what {
+            "radiance" => Some(VariableKind::Radiance(l)),
+            "size" => Some(VariableKind::Size(l)),
+            _ => None,
+        }
+    }
+
+    /// The variables.
+    #[must_use]
+    pub fn variables(&self) -> ParamVector {
+        let variables = self.variables.iter().filter_map(|v| {
+            Some(Variable {
+                name: v.name.clone(),
+                unit: "",
+                lower: v.lower,
+                upper: v.upper,
+                initial: v.initial,
+                scale: v.scale,
+                kind: self.kind(&v.name)?,
+            })
+        });
+        ParamVector { variables: variables.collect() }
+    }
+
+    /// The lighting of what is not set otherwise, at the start of the variables.
+    #[must_use]
+    pub fn lighting(&self) -> LightingPoint {
+        let mut x =
+            LightingPoint { radiance: self.radiance.clone(), size: self.size.clone(), value: self.value };
+        for v in &self.variables {
+            match self.kind(&v.name) {
+                Some(VariableKind::Radiance(l)) => x.radiance[l] = v.initial,
+                Some(VariableKind::Size(l)) => x.size[l] = v.initial,
+                Some(VariableKind::Background) => x.value = v.initial,
+                None => {}
+            }
+        }
+        x
+    }
+
+    /// The objective of a target for its pictures.
+    ///
+    /// # Errors
+    /// As [`Objective::new`].
+    pub fn objective(&self, target: &Target, basis: &TransportBasis) -> Result<Objective, ObjectiveError> {
+        let size = basis.layout().size;
+        Objective::new(target, size.x as usize, size.y as usize, &self.mask())
+    }
+}

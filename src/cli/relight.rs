@@ -1,0 +1,102 @@
+//! `relight`: any lighting from a stored transport basis.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use clap::Args;
+use serde_json::json;
+
+use super::{LuminanceArg, common::luminance_mode, print};
+use crate::{
+    audit::{lights::Lighting, picture, stored::About},
+    film::{exr::write_exr, image_file::write_png},
+    integrator::aov::Aovs,
+    transport::TransportBasis,
+};
+
+/// Light a stored scene anew, without rendering
+///
+/// BASIS is a transport basis that `run --cache DIR` has left in DIR. It holds the scene's
+/// picture under every lighting that the run could have chosen.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree run --cache bases fruit_basket.obj\n  \
+    lightopt-embree relight --lights runs/fruit_basket-high-key/lights.toml bases/fruit_basket-*.basis -o a.exr")]
+pub struct RelightArgs {
+    /// Stored transport basis
+    #[arg(value_name = "BASIS")]
+    pub basis: PathBuf,
+
+    /// Lighting, as `run` writes it [default: the start of the run that stored the basis]
+    #[arg(long, value_name = "FILE")]
+    pub lights: Option<PathBuf>,
+
+    /// Picture to write: .exr (with mask and a part per light) or .png
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+
+    /// Which brightness goes into the EXR's luminance [default: as stored]
+    #[arg(long, value_enum)]
+    pub luminance: Option<LuminanceArg>,
+}
+
+/// Reads a basis with what it says about itself.
+///
+/// # Errors
+/// When it is no basis.
+pub(super) fn load(path: &Path) -> anyhow::Result<(TransportBasis, About)> {
+    let (basis, about) = TransportBasis::load(path)?;
+    let about: Option<About> = serde_json::from_value(about).ok();
+    match about.filter(|a| a.fits(&basis)) {
+        Some(about) => Ok((basis, about)),
+        None => bail!("{}: the transport basis does not say what it is of", path.display()),
+    }
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When the basis or the lighting is wrong, or the picture cannot be written.
+pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
+    let is_exr = match args.output.extension().and_then(|e| e.to_str()) {
+        Some(e) if e.eq_ignore_ascii_case("exr") => true,
+        Some(e) if e.eq_ignore_ascii_case("png") => false,
+        _ => bail!("{}: a picture ends in .exr or .png", args.output.display()),
+    };
+    crate::files::atomic::probe(&args.output)?;
+    let (basis, about) = load(&args.basis)?;
+    let mut x = about.lighting();
+    let mut exposure = about.exposure;
+    if let Some(path) = &args.lights {
+        exposure = Lighting::load(path)?.apply_to(&about, basis.layout(), &mut x, path)?.unwrap_or(exposure);
+    }
+    let shown = basis.picture(&x);
+    if is_exr {
+        let mode = args.luminance.map_or(about.luminance, |l| luminance_mode(Some(l)));
+        let n = shown.rgb.len();
+        let aovs = Aovs {
+            width: shown.width,
+            height: shown.height,
+            mask: about.mask(),
+            albedo: vec![[0.0; 3]; n],
+            normal: vec![[0.0; 3]; n],
+            depth: vec![f32::INFINITY; n],
+        };
+        let names: Vec<&str> = about.lights.iter().map(String::as_str).collect();
+        let attribute = json!({
+            "scene": about.scene,
+            "exposure": exposure,
+            "luminance": mode,
+            "spp": basis.n_samples() * basis.n_replicates() as u32,
+            "version": env!("CARGO_PKG_VERSION"),
+            "commit": env!("LIGHTOPT_COMMIT"),
+        });
+        let mut image = picture::exr(&shown, &aovs, &names, exposure, mode, attribute);
+        // A basis knows nothing of surfaces.
+        image.parts.retain(|p| !["albedo", "normal", "depth"].contains(&p.name.as_str()));
+        write_exr(&args.output, &image)?;
+    } else {
+        write_png(&args.output, &picture::beauty(&shown), exposure)?;
+    }
+    print(&format!("{}\n", args.output.display()))
+}

@@ -1,0 +1,202 @@
+//! `scan`: f_q along a variable of a stored transport basis.
+
+use std::{
+    fmt::Write as _,
+    io::Write as _,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use plotters::prelude::*;
+
+use super::relight;
+use crate::{
+    audit::lights::Lighting,
+    design::evaluator::{Evaluator, Scratch},
+    files::{atomic::AtomicWriteError, nearest, write_atomically},
+    objective::{JackknifeEstimate, Target, Term},
+    params::{ParamVector, VariableKind},
+};
+
+/// Measure f_q and its terms along a variable, without rendering
+///
+/// BASIS is a transport basis that `run --cache DIR` has left in DIR. All other variables stay
+/// as --lights says. Writes a CSV and, beside it, a plot.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree scan --variable key.size --steps 32 bases/fruit_basket-*.basis -o size.csv\n  \
+    lightopt-embree scan --variable background.value --target low-key \\\n    \
+    --lights runs/fruit_basket-low-key/lights.toml bases/fruit_basket-*.basis -o value.csv\n\n\
+    Columns: the variable, f_q, the half width of its 95 % interval with the noise correction,\n\
+    and value and f of every term (see `evaluate --help`).")]
+pub struct ScanArgs {
+    /// Stored transport basis
+    #[arg(value_name = "BASIS")]
+    pub basis: PathBuf,
+
+    /// Variable: LIGHT.radiance, LIGHT.size or background.value
+    #[arg(long, value_name = "NAME")]
+    pub variable: String,
+
+    /// Number of values, evenly spread over the optimiser's scale between the variable's bounds
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    pub steps: u32,
+
+    /// The look: high-key, low-key, or a target file
+    #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
+    pub target: String,
+
+    /// Lighting, as `run` writes it [default: the start of the run that stored the basis]
+    #[arg(long, value_name = "FILE")]
+    pub lights: Option<PathBuf>,
+
+    /// CSV to write; the plot has the same name, ending in .png
+    #[arg(short, long, value_name = "FILE.csv", default_value = "scan.csv")]
+    pub output: PathBuf,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When the basis, the lighting or the variable is wrong, or nothing can be written.
+pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
+    let target = Target::resolve(&args.target)?;
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
+        bail!("{}: the table ends in .csv", args.output.display());
+    }
+    crate::files::atomic::probe(&args.output)?;
+    let (basis, about) = relight::load(&args.basis)?;
+    let all = about.variables();
+    let Some(variable) = all.variables.iter().find(|v| v.name == args.variable) else {
+        let names = || all.variables.iter().map(|v| v.name.as_str());
+        let hint = nearest(&args.variable, names())
+            .map_or_else(|| names().collect::<Vec<_>>().join(", "), |n| format!("did you mean `{n}`?"));
+        bail!("{}: no variable `{}`; {hint}", args.basis.display(), args.variable);
+    };
+    let mut fixed = about.lighting();
+    let mut exposure = about.exposure;
+    if let Some(path) = &args.lights {
+        let given = Lighting::load(path)?.apply_to(&about, basis.layout(), &mut fixed, path)?;
+        exposure = given.unwrap_or(exposure);
+    }
+    let objective = about.objective(&target, &basis)?;
+    let variables = ParamVector { variables: vec![variable.clone()] };
+    let evaluator = Evaluator {
+        basis: &basis,
+        objective: &objective,
+        variables: &variables,
+        fixed: &fixed,
+        luminance: about.luminance,
+        exposure,
+    };
+    let mut scratch = Scratch::default();
+    let mut rows: Vec<(f64, JackknifeEstimate)> = Vec::new();
+    for i in 0..args.steps {
+        let u = f64::from(i) / f64::from(args.steps - 1);
+        rows.push((variable.decode(u), evaluator.estimate(&[u], &mut scratch)?));
+    }
+    let here = match variable.kind {
+        VariableKind::Radiance(l) => fixed.radiance[l],
+        VariableKind::Size(l) => fixed.size[l],
+        VariableKind::Background => fixed.value,
+    };
+    write(&args.output, table(&args.variable, &rows).as_bytes())?;
+    let plot_path = args.output.with_extension("png");
+    write(&plot_path, &plot(&args.variable, target.name(), here, &rows)?)?;
+    let Some((x, best)) = rows.iter().min_by(|a, b| a.1.evaluation.f_q.total_cmp(&b.1.evaluation.f_q)) else {
+        return Ok(());
+    };
+    super::print(&format!(
+        "least f_q {:.4} ± {:.4} at {} = {x:.5}\n{}\n{}\n",
+        best.evaluation.f_q,
+        best.error_bar(),
+        args.variable,
+        args.output.display(),
+        plot_path.display()
+    ))
+}
+
+fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    write_atomically(path, |out| {
+        out.write_all(bytes).map_err(|source| AtomicWriteError {
+            path: path.into(),
+            action: "write the file",
+            source,
+        })
+    })?;
+    Ok(())
+}
+
+fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> String {
+    // Writing to a String does not fail.
+    let mut text = format!("{name},f_q,f_q_error");
+    for term in Term::ALL {
+        let _ = write!(text, ",{0},f_{0}", term.name());
+    }
+    text.push('\n');
+    for (x, e) in rows {
+        let _ = write!(text, "{x},{},{}", e.evaluation.f_q, e.error_bar());
+        for t in &e.evaluation.terms {
+            let _ = write!(text, ",{},{}", t.value, t.f);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Size of the plot, pixels.
+const PLOT: (u32, u32) = (960, 600);
+
+/// A PNG: f_q with its error, and the share of each term.
+fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) -> anyhow::Result<Vec<u8>> {
+    // The font is part of the program: a headless machine may have none.
+    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| anyhow::anyhow!("cannot read the font"))?;
+    let mut pixels = vec![0_u8; (PLOT.0 * PLOT.1 * 3) as usize];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, PLOT).into_drawing_area();
+        root.fill(&WHITE)?;
+        let (low, high) = (rows[0].0, rows[rows.len() - 1].0);
+        let top = rows.iter().map(|(_, e)| e.evaluation.f_q + e.error_bar()).fold(0.0_f64, f64::max);
+        let mut chart = ChartBuilder::on(&root)
+            .caption(format!("f_q of {target} along {name}"), ("sans-serif", 22))
+            .margin(16)
+            .x_label_area_size(44)
+            .y_label_area_size(56)
+            .build_cartesian_2d(low..high, 0.0..1.05 * top)?;
+        chart.configure_mesh().x_desc(name).y_desc("f_q and the shares of its terms").draw()?;
+        let band = rows
+            .iter()
+            .map(|(x, e)| (*x, e.evaluation.f_q + e.error_bar()))
+            .chain(rows.iter().rev().map(|(x, e)| (*x, (e.evaluation.f_q - e.error_bar()).max(0.0))));
+        chart.draw_series(std::iter::once(Polygon::new(band.collect::<Vec<_>>(), BLACK.mix(0.15))))?;
+        for (k, term) in Term::ALL.into_iter().enumerate() {
+            let color = Palette99::pick(k).to_rgba();
+            let line = rows.iter().map(|(x, e)| (*x, e.evaluation.get(term).contribution()));
+            chart
+                .draw_series(LineSeries::new(line, color.stroke_width(2)))?
+                .label(term.name())
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], color.stroke_width(2)));
+        }
+        let line = rows.iter().map(|(x, e)| (*x, e.evaluation.f_q));
+        chart
+            .draw_series(LineSeries::new(line, BLACK.stroke_width(3)))?
+            .label("f_q")
+            .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], BLACK.stroke_width(3)));
+        if (low..=high).contains(&here) {
+            chart.draw_series(LineSeries::new([(here, 0.0), (here, 1.05 * top)], BLACK.mix(0.4)))?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.8))
+            .border_style(BLACK.mix(0.3))
+            .draw()?;
+        root.present()?;
+    }
+    let mut png = std::io::Cursor::new(Vec::new());
+    let image = image::RgbImage::from_raw(PLOT.0, PLOT.1, pixels).context("cannot draw the plot")?;
+    image.write_to(&mut png, image::ImageFormat::Png)?;
+    Ok(png.into_inner())
+}
