@@ -3,6 +3,7 @@
 // Helpers outside #[test] functions may panic too.
 #![allow(clippy::unwrap_used)]
 
+mod basis;
 mod evaluate;
 mod export;
 mod exr_bytes;
