@@ -18,7 +18,7 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable},
     objective::{Target, Term},
     scene::sidecar::{FreeKind, FreeVariables},
 };
@@ -250,6 +250,8 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "renders": r.renders,
         "evaluations": r.evaluations,
         "seconds": r.seconds,
+        "attainable": attainable::to_json(&r.reach),
+        "caution": r.caution,
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
     })
@@ -285,6 +287,12 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         );
     }
     let _ = writeln!(text);
+    for line in attainable::in_words(&r.reach).iter().chain(&r.caution) {
+        let _ = writeln!(text, "{line}");
+    }
+    if !r.reach.is_empty() {
+        let _ = writeln!(text);
+    }
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
     }

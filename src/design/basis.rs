@@ -10,7 +10,9 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Camera, Purpose, Reporter, RunError, RunOptions, Shot, attribute,
+    Camera, Purpose, Reporter, RunError, RunOptions, Shot,
+    attainable::{self, Reach},
+    attribute,
     evaluator::{Evaluator, Scratch},
     search::{self, Polished, Trial},
     seed_for,
@@ -74,6 +76,8 @@ pub struct Found {
     pub evaluations: u32,
     /// Why the last search ended.
     pub stop: StopReason,
+    /// What of each term the lights can reach.
+    pub reach: Vec<Reach>,
 }
 
 impl Plan {
@@ -395,7 +399,12 @@ pub fn optimise(
     record(engine, &best, &problem, dir)?;
     let check = check.ok_or(OptimError::NothingEvaluated)?;
     let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
-    Ok(Found { u: best.u, check, evaluations: n_evaluations, stop })
+    let clock = Instant::now();
+    let reach = on_reduced(engine, &problem, |whole, reduced| {
+        attainable::reach(reduced.unwrap_or(whole), engine.seed as u32)
+    })?;
+    dir.log_timing(&json!({"stage": "attainability", "seconds": clock.elapsed().as_secs_f64()}))?;
+    Ok(Found { u: best.u, check, evaluations: n_evaluations, stop, reach })
 }
 
 fn evaluator_of<'a>(engine: &'a Engine, problem: &'a Problem) -> Evaluator<'a> {
@@ -408,29 +417,36 @@ fn search_from(
     problem: &Problem,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Vec<Trial>, RunError> {
+    on_reduced(engine, problem, |whole, reduced| {
+        search::search(whole, reduced.unwrap_or(whole), starts, engine.seed as u32, cancelled)
+    })
+}
+
+/// Calls `f` with the problem and, where object and background are large enough
+/// for it, with the same problem on a smaller picture.
+fn on_reduced<T, E: Into<RunError>>(
+    engine: &Engine,
+    problem: &Problem,
+    f: impl FnOnce(&Evaluator, Option<&Evaluator>) -> Result<T, E>,
+) -> Result<T, RunError> {
     let whole = evaluator_of(engine, problem);
     let size = problem.options.work_size / REDUCTION;
-    // Of the pixels' majority; where that leaves no object or no background, the whole picture.
     let wide = problem.aovs.width;
-    let (f, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
+    let (side, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
+    // A small pixel is the object's when most of its pixels are.
     let mask: Vec<bool> = (0..size.element_product() as usize)
         .map(|i| {
-            let (x, y) = (i % size.x as usize * f, i / size.x as usize * f);
-            let covered = (0..n).filter(|k| problem.aovs.mask[(y + k / f) * wide + x + k % f]).count();
+            let (x, y) = (i % size.x as usize * side, i / size.x as usize * side);
+            let covered = (0..n).filter(|k| problem.aovs.mask[(y + k / side) * wide + x + k % side]).count();
             2 * covered >= n
         })
         .collect();
-    let objective = Objective::new(problem.target, size.x as usize, size.y as usize, &mask);
-    let seed = engine.seed as u32;
-    Ok(match objective {
-        Err(_) => search::search(&whole, &whole, starts, seed, cancelled)?,
-        Ok(objective) => {
-            let basis = engine.basis.reduced(REDUCTION);
-            let reduced =
-                engine.evaluator(&basis, &objective, problem.variables, problem.scene, problem.options);
-            search::search(&whole, &reduced, starts, seed, cancelled)?
-        }
-    })
+    let Ok(objective) = Objective::new(problem.target, size.x as usize, size.y as usize, &mask) else {
+        return f(&whole, None).map_err(Into::into);
+    };
+    let basis = engine.basis.reduced(REDUCTION);
+    let reduced = engine.evaluator(&basis, &objective, problem.variables, problem.scene, problem.options);
+    f(&whole, Some(&reduced)).map_err(Into::into)
 }
 
 fn refine(

@@ -7,6 +7,7 @@
 //! Every stage draws from seeds of its own, so that what is reported comes
 //! from samples that chose nothing.
 
+pub mod attainable;
 mod basis;
 pub mod evaluator;
 pub mod manifest;
@@ -116,6 +117,10 @@ pub struct RunReport {
     pub evaluations: u32,
     /// Why the optimisation ended.
     pub stop: StopReason,
+    /// What of each term the lights can reach; empty in paper mode.
+    pub reach: Vec<attainable::Reach>,
+    /// Why the result may not be what was meant.
+    pub caution: Option<String>,
     /// Wall time, s.
     pub seconds: f64,
 }
@@ -311,7 +316,7 @@ pub fn run(
                     shots.measure(scene, &x, Purpose::Check, "checking the result with new samples")?;
                 renders += 2;
                 let optimise::Found { u, evaluations, stop } = found;
-                (initial, basis::Found { u, check, evaluations, stop })
+                (initial, basis::Found { u, check, evaluations, stop, reach: Vec::new() })
             }
         };
         let x = variables.decode(&found.u);
@@ -322,6 +327,8 @@ pub fn run(
             check.evaluation.f_q,
             check.error_bar()
         ));
+        let caution = attainable::degenerate(&check.evaluation, &variables, &x);
+        caution.iter().for_each(|line| reporter.note(line));
         dir.log_timing(&json!({"stage": "found", "seconds": clock.elapsed().as_secs_f64()}))?;
 
         let finale = Finale { camera: &camera, options, job, variables: &variables, reporter };
@@ -349,6 +356,8 @@ pub fn run(
             renders,
             evaluations: found.evaluations,
             stop: found.stop,
+            reach: found.reach,
+            caution,
             seconds,
         });
         if reporter.cancelled() {

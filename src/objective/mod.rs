@@ -217,6 +217,14 @@ impl Objective {
         })
     }
 
+    /// The same objective with `term` alone, at weight 1.
+    #[must_use]
+    pub fn only(&self, term: Term) -> Self {
+        let mut weights = [0.0; 6];
+        weights[term as usize] = 1.0;
+        Self { weights, ..self.clone() }
+    }
+
     /// Number of pixels of a picture.
     #[must_use]
     pub fn n_pixels(&self) -> usize {

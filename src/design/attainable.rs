@@ -1,0 +1,178 @@
+//! What the lights of a scene can reach of a target, in words.
+
+use std::ops::ControlFlow;
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::evaluator::{Evaluator, Scratch};
+use crate::{
+    objective::{Evaluation, ObjectiveError, Smoothing, Term},
+    optim,
+    params::{ParamVector, VariableKind},
+};
+
+/// Points of the box at which every term is measured.
+const N_POINTS: u32 = 256;
+/// Evaluations of the descent of a term alone.
+const EVALUATIONS: u32 = 30;
+/// A term that cannot come below this is worth a word.
+const NOTABLE: f64 = 0.02;
+
+/// What of a term the lights can reach.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Reach {
+    /// The term.
+    #[serde(skip)]
+    pub term: Term,
+    /// What is wanted of its measured value.
+    pub target: f64,
+    /// Least f of the term alone, whatever becomes of the others.
+    pub floor: f64,
+    /// Least measured value found.
+    pub least: f64,
+    /// Largest measured value found.
+    pub largest: f64,
+}
+
+/// Looks over the box for the least value of every term by itself: at the points
+/// of a low-discrepancy set, and down from the best of them.
+///
+/// # Errors
+/// With too few replicates.
+pub fn reach(evaluator: &Evaluator, seed: u32) -> Result<Vec<Reach>, ObjectiveError> {
+    let n = evaluator.variables.len();
+    let mut scratch = Scratch::default();
+    let mut found: Vec<(Vec<f64>, Evaluation)> = Vec::new();
+    for i in 0..N_POINTS {
+        let u: Vec<f64> = (0..n as u32).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect();
+        let evaluation = evaluator.estimate(&u, &mut scratch)?.evaluation;
+        found.push((u, evaluation));
+    }
+    let f = |e: &Evaluation, term: Term| e.get(term).f;
+    for term in Term::ALL {
+        let Some((start, _)) = found.iter().min_by(|a, b| f(&a.1, term).total_cmp(&f(&b.1, term))) else {
+            continue;
+        };
+        let objective = evaluator.objective.only(term);
+        let alone = Evaluator { objective: &objective, ..*evaluator };
+        let smoothing = Smoothing::with_delta(5e-3);
+        let options = optim::Options { max_evaluations: Some(EVALUATIONS), ..Default::default() };
+        let start = start.clone();
+        let outcome = optim::minimize(&start, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+            let f = alone.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);
+            ControlFlow::Continue(f)
+        });
+        // A search that fails leaves what the points found.
+        if let Ok(outcome) = outcome {
+            let evaluation = evaluator.estimate(&outcome.x, &mut scratch)?.evaluation;
+            found.push((outcome.x, evaluation));
+        }
+    }
+    let of = |term: Term| {
+        let values = || found.iter().map(move |(_, e)| e.get(term).value);
+        Reach {
+            term,
+            target: found[0].1.get(term).target,
+            floor: found.iter().map(|(_, e)| f(e, term)).fold(f64::INFINITY, f64::min),
+            least: values().fold(f64::INFINITY, f64::min),
+            largest: values().fold(f64::NEG_INFINITY, f64::max),
+        }
+    };
+    Ok(Term::ALL.map(of).to_vec())
+}
+
+/// By name of the term.
+#[must_use]
+pub fn to_json(reach: &[Reach]) -> Value {
+    let entries: Map<String, Value> = reach.iter().map(|r| (r.term.name().to_owned(), json!(r))).collect();
+    entries.into()
+}
+
+fn what(term: Term) -> &'static str {
+    match term {
+        Term::MeanObj => "the object's mean luminance",
+        Term::MeanBack => "the background's mean luminance",
+        Term::VarObj => "the object's standard deviation",
+        Term::VarBack => "the background's standard deviation",
+        Term::Grad => "the object's mean gradient",
+        Term::Hist => "the histogram's distance to the signature",
+    }
+}
+
+/// A line for every term that these lights cannot bring to its target.
+#[must_use]
+pub fn in_words(reach: &[Reach]) -> Vec<String> {
+    reach
+        .iter()
+        .filter(|r| r.floor > NOTABLE)
+        .map(|r| {
+            let (name, floor) = (what(r.term), r.floor);
+            let is_deviation = matches!(r.term, Term::VarObj | Term::VarBack);
+            if r.term == Term::Hist {
+                return format!("{name} is at least {floor:.3} with these lights");
+            }
+            let (bound, reached) = if r.least > r.target { ("at least", r.least) } else { ("at most", r.largest) };
+            let why = if is_deviation && r.target > 0.5 {
+                "; no picture has one above 0.5, so this asks for as much contrast as there is"
+            } else {
+                ""
+            };
+            let term = r.term.name();
+            format!("{name} is {bound} {reached:.3} with these lights, {:.3} is wanted: {term} stays at {floor:.3} or more{why}", r.target)
+        })
+        .collect()
+}
+
+/// What to say of a result that meets the histogram by darkness (or light) alone;
+/// `None` of one that shows its object.
+#[must_use]
+pub fn degenerate(result: &Evaluation, variables: &ParamVector, x: &[f64]) -> Option<String> {
+    let object = result.get(Term::MeanObj);
+    let is_dark = object.value < 0.4 * object.target && object.target > 0.1;
+    if !is_dark || result.get(Term::Hist).f > 0.3 {
+        return None;
+    }
+    let background = variables.variables.iter().zip(x).find(|(v, _)| v.kind == VariableKind::Background);
+    let advice = match background {
+        None => {
+            "let the background's value vary (--free, or a background material in the sidecar)".to_owned()
+        }
+        Some((v, x)) if *x <= v.lower * 1.01 => format!(
+            "the background is as dark as it may be ({} = {x:.3}): allow less, or keep a light off it by moving or narrowing it",
+            v.name
+        ),
+        Some(_) => "move or narrow a light, so that it lights the object and not the background".to_owned(),
+    };
+    Some(format!(
+        "the object is almost black (mean {:.3}, {:.3} wanted): the histogram is met by darkness; {advice}",
+        object.value, object.target
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reach(term: Term, target: f64, floor: f64, least: f64, largest: f64) -> Reach {
+        Reach { term, target, floor, least, largest }
+    }
+
+    #[test]
+    fn only_what_cannot_be_reached_is_said_and_why() {
+        let words = in_words(&[
+            reach(Term::MeanObj, 0.47, 0.0, 0.0, 0.9),
+            reach(Term::MeanBack, 0.04, 0.1, 0.14, 0.9),
+            reach(Term::VarObj, 0.63, 0.5, 0.0, 0.31),
+            reach(Term::Hist, 0.0, 0.2, 0.2, 0.8),
+        ]);
+        assert_eq!(words.len(), 3);
+        assert!(
+            words[0].contains("is at least 0.140") && words[0].contains("0.040 is wanted"),
+            "{}",
+            words[0]
+        );
+        assert!(words[1].contains("at most 0.310") && words[1].contains("no picture has one above 0.5"));
+        assert!(words[2].contains("at least 0.200"));
+    }
+}
