@@ -41,6 +41,46 @@ impl Part {
         part
     }
 
+    /// Whether the vertices have the normals of their triangles, on the side from
+    /// which the corners run anticlockwise.
+    pub(super) fn is_flat(&self) -> bool {
+        self.triangles.iter().all(|t| {
+            let n = self.normal(t);
+            t.iter().all(|&i| self.vertices[i as usize].1.dot(n) > 1.0 - 1e-6)
+        })
+    }
+
+    fn normal(&self, triangle: &[u32; 3]) -> Vec3 {
+        face_normal(triangle.map(|i| self.vertices[i as usize].0)).normalize_or_zero()
+    }
+
+    /// Largest coordinate of a vertex.
+    pub(super) fn reach(&self) -> f32 {
+        self.vertices.iter().map(|v| v.0.abs().max_element()).fold(0.0, f32::max)
+    }
+
+    /// The surface moved by `distance` toward its front, the side from which the
+    /// corners run anticlockwise, or toward its back and turned round.
+    pub(super) fn skin(&self, distance: f32, back: bool) -> Self {
+        let mut front = vec![1.0_f32; self.vertices.len()];
+        for t in &self.triangles {
+            let n = self.normal(t);
+            for &i in t {
+                front[i as usize] = self.vertices[i as usize].1.dot(n).signum();
+            }
+        }
+        let distance = if back { -distance } else { distance };
+        let moved = |(&(p, n, uv), front): (&(Vec3, Vec3, Vec2), &f32)| (p + n * (distance * front), n, uv);
+        Self {
+            vertices: self.vertices.iter().zip(&front).map(moved).collect(),
+            triangles: self
+                .triangles
+                .iter()
+                .map(|&[a, b, c]| if back { [a, c, b] } else { [a, b, c] })
+                .collect(),
+        }
+    }
+
     /// Whether the material is not used at all.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
@@ -89,5 +129,19 @@ mod tests {
         let part = Part::of_material(&mesh, 1);
         assert_eq!(part.vertices[2], (Vec3::Z, Vec3::NEG_Y, Vec2::ZERO));
         assert!(Part::of_material(&mesh, 2).is_empty());
+    }
+
+    #[test]
+    fn a_skin_lies_before_its_surface_and_faces_away_from_it() {
+        let part = Part {
+            vertices: [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| (p, Vec3::NEG_Z, Vec2::ZERO)).to_vec(),
+            triangles: vec![[0, 1, 2]],
+        };
+        assert!(!part.is_flat(), "its normals look the other way");
+        for (back, z) in [(false, 0.5), (true, -0.5)] {
+            let skin = part.skin(0.5, back);
+            assert!(skin.vertices.iter().all(|v| v.0.z == z));
+            assert_eq!(skin.normal(&skin.triangles[0]).z, z.signum());
+        }
     }
 }

@@ -47,6 +47,12 @@ SCENES = {
     "lights_in_line": (256, 512),
     "textured": (256, 512),
     "point_light": (256, 512),
+    "environment": (256, 512),
+    "overcast": (256, 512),
+    "spot": (256, 512),
+    "sun": (256, 512),
+    "shining_mesh": (256, 512),
+    "thin_lens": (256, 512),
     "fruit_basket": (256, 512),
 }
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the scenes of the comparison beside itself: OBJ, MTL, sidecar and one texture.
+"""Writes the scenes of the comparison beside itself: OBJ, MTL, sidecar and pictures.
 
 Needs nothing but Python. Run it again after a change and commit what it writes.
 """
@@ -29,6 +29,8 @@ MATERIALS = {
     "mirror": "Kd 1 1 1\nPm 1\nPr 0\nillum 2",
     "glass": "Ni 1.5\nPr 0\nillum 7",
     "rough_glass": "Ni 1.5\nPr 0.5\nillum 7",
+    "lamp": "Kd 0.4 0.4 0.4\nKe 5 4 2.5\nillum 1",
+    "bulb": "Kd 0.3 0.3 0.5\nKe 2 3 5\nillum 1",
     "checks": "Kd 0.9 0.8 1.0\nmap_Kd textured.png\nillum 1",
 }
 
@@ -143,6 +145,20 @@ def png(path, width, height, pixel):
                      + chunk(b"IEND", b""))
 
 
+def hdr(path, width, height, pixel):
+    """Radiance RGBE, not compressed."""
+    def rgbe(rgb):
+        exponent = max(math.frexp(max(rgb))[1], -127)
+        return bytes(min(int(c * 2.0 ** (8 - exponent)), 255) for c in rgb) + bytes([exponent + 128])
+    header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
+    path.write_bytes(header.encode() + b"".join(rgbe(pixel(x, y)) for y in range(height) for x in range(width)))
+
+
+def ground(o, material="white"):
+    o.group("ground", material)
+    o.quad([-2, 0, -2], [0, 0, 4], [4, 0, 0])
+
+
 def main():
     o = Obj()
     o.room()
@@ -202,6 +218,70 @@ def main():
     o.group("boxes", "white")
     o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
     o.write("textured", "boxes", [ceiling()])
+
+    def sky(x, y):
+        if y >= 4:
+            return (0.25 + 0.02 * (x % 3), 0.2, 0.12)
+        window = (6.0, 5.0, 4.0) if 3 <= x <= 4 and y in (1, 2) else (0.0, 0.0, 0.0)
+        return tuple(w + c for w, c in zip(window, (0.2 + 0.04 * x, 0.5, 0.9 - 0.1 * y)))
+    hdr(HERE / "sky.hdr", 16, 8, sky)
+    o = Obj()
+    ground(o)
+    o.group("box", "blue")
+    o.box([-0.9, 0.0, -0.3], [-0.3, 0.8, 0.3])
+    o.group("ball", "rough_plastic")
+    o.sphere([0.45, 0.5, 0.2], 0.5, 12)
+    sky_light = {"name": '"sky"', "type": '"environment"', "image": '"sky.hdr"', "rotation": 40.0,
+                 "radiance": 0.8, "color": [1.0, 0.95, 0.9]}
+    o.write("environment", "ball", [sky_light])
+
+    o = Obj()
+    ground(o)
+    o.group("boxes", "white")
+    o.box([-0.9, 0.0, -0.6], [-0.3, 1.2, 0.0])
+    o.group("roof", "red")
+    o.box([0.0, 0.6, -0.6], [0.9, 0.7, 0.4])
+    cloud = {"name": '"cloud"', "type": '"environment"', "radiance": 1.2, "color": [0.9, 1.0, 1.1]}
+    o.write("overcast", "boxes", [cloud])
+
+    o = Obj()
+    o.room()
+    o.group("boxes", "rough_plastic")
+    o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
+    lights = [
+        {"name": '"disk"', "type": '"spot"', "position": [0.5, 1.8, 0.4], "look_at": [-0.3, 0.2, -0.3],
+         "radius": 0.15, "angle": 35.0, "softness": 0.5, "radiance": 40.0, "color": [1.0, 0.8, 0.6]},
+        {"name": '"point"', "type": '"spot"', "position": [-0.6, 1.6, 0.6], "look_at": [0.6, 0.3, -0.5],
+         "radius": 0.0, "angle": 25.0, "softness": 0.3, "radiance": 2.0, "color": [0.5, 0.8, 1.0]},
+    ]
+    o.write("spot", "boxes", lights)
+
+    o = Obj()
+    o.room("rough_plastic")
+    o.group("boxes", "white")
+    o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
+    sun = {"name": '"sun"', "type": '"distant"', "position": [1.0, 1.5, 3.0], "look_at": [0.0, 0.0, 0.0],
+           "radiance": 3.0, "color": [1.0, 0.9, 0.7]}
+    o.write("sun", "boxes", [sun])
+
+    # Emitters that are surfaces: a flat one, one with smooth normals, and a body that stops light.
+    o = Obj()
+    o.room()
+    o.group("lamp", "lamp")
+    o.box([-0.7, 1.2, -0.6], [-0.4, 1.4, -0.3])
+    o.group("bulb", "bulb")
+    o.sphere([0.5, 0.3, 0.2], 0.2, 5)
+    shade = {"name": '"shade"', "type": '"disk"', "position": [0.2, 1.2, -0.2], "look_at": [0.0, 0.0, 0.0],
+             "radius": 0.3, "radiance": 4.0, "occludes": "true"}
+    o.write("shining_mesh", "bulb", [shade])
+
+    o = Obj()
+    o.room()
+    o.group("boxes", "white")
+    o.box([-0.7, 0.0, -0.6], [-0.1, 1.1, 0.0])
+    o.box([0.1, 0.0, -0.1], [0.6, 0.5, 0.4])
+    o.write("thin_lens", "boxes", [ceiling()],
+            CAMERA.rstrip() + "\naperture_radius = 0.08\nfocus_distance = 3.5\n")
 
 
 if __name__ == "__main__":
