@@ -207,7 +207,7 @@ fn sensor(scene: &Scene) -> String {
          <float name=\"far_clip\" value=\"1e6\"/>\n        \
          <transform name=\"to_world\">\n            \
          <lookat origin=\"{}\" target=\"{}\" up=\"{}\"/>\n        </transform>\n        \
-         <sampler type=\"independent\">\n            \
+         <sampler type=\"multijitter\">\n            \
          <integer name=\"sample_count\" value=\"$spp\"/>\n        </sampler>\n        \
          <film type=\"hdrfilm\">\n            \
          <integer name=\"width\" value=\"{}\"/>\n            \

@@ -15,6 +15,7 @@ into the normal deviate of the same probability.
 """
 
 import argparse
+import json
 import math
 import subprocess
 import sys
@@ -33,6 +34,12 @@ ALPHA = 0.01
 MAX_MEAN_DIFFERENCE = 0.003
 # A mean known no better than this cannot be judged.
 MAX_MEAN_ERROR = 0.001
+# Seed of Mitsuba's first render; the others follow.
+FIRST_SEED = 7000
+# Reference pictures: where, their size, and their samples over those of a comparison.
+REFERENCES = HERE / "references"
+REFERENCE_SIZE = "32x24"
+REFERENCE_FACTOR = 4
 
 # Name: samples per pixel of a seed, ours and Mitsuba's. Noisy scenes have more.
 SCENES = {
@@ -97,7 +104,7 @@ def theirs(program, name, size, spp, seeds, directory):
     out = directory / name
     run(program, "export", "--format", "mitsuba", "--size", size, "-o", out, scene_file(name))
     scene = mi.load_file(str(out / "scene.xml"))
-    return Moments([np.array(mi.render(scene, spp=spp, seed=7000 + seed)) for seed in range(seeds)])
+    return Moments([np.array(mi.render(scene, spp=spp, seed=FIRST_SEED + seed)) for seed in range(seeds)])
 
 
 def normal_deviate(t, dof):
@@ -139,7 +146,8 @@ def compare(args, name, directory):
     worst = np.abs(z).max()
     within = np.mean(np.abs(z) < NormalDist().inv_cdf(1 - ALPHA / 2))
     difference = a.total / b.total - 1
-    error = math.sqrt(a.total_variance + b.total_variance) / b.total
+    errors = [math.sqrt(m.total_variance) / b.total for m in (a, b)]
+    error = math.hypot(*errors)
     faults = []
     if worst > threshold:
         faults.append(f"{np.count_nonzero(np.abs(z) > threshold)} values differ")
@@ -147,12 +155,36 @@ def compare(args, name, directory):
         faults.append("means differ")
     if error > MAX_MEAN_ERROR and not args.quick:
         faults.append("too noisy to judge the mean")
-    print(f"{name:<16} {100 * difference:+8.3f} % {100 * error:7.3f} % {100 * within:9.2f} % "
-          f"{np.sqrt(np.mean(z * z)):7.3f} {worst:8.2f} {threshold:6.2f} "
+    print(f"{name:<16} {100 * difference:+8.3f} % {100 * error:6.3f} % ({100 * errors[0]:.3f}, {100 * errors[1]:.3f}) "
+          f"{100 * within:9.2f} % {np.sqrt(np.mean(z * z)):7.3f} {worst:8.2f} {threshold:6.2f} "
           f"{middle - start:6.0f} s {end - middle:6.0f} s  {'; '.join(faults) or 'same'}", flush=True)
     if faults:
         write_failure(name, a, b, z)
     return not faults
+
+
+def write_reference(args, name, directory):
+    """Mitsuba's mean and the variance of it, for tests that have no Mitsuba."""
+    spp = REFERENCE_FACTOR * SCENES[name][1]
+    start = time.monotonic()
+    m = theirs(args.program, name, REFERENCE_SIZE, spp, args.seeds, directory)
+    note = {
+        "command": f"compare.py --write-references --only {name} --seeds {args.seeds}",
+        "mitsuba": f"{mi.__version__} {mi.variant()}",
+        "renders": args.seeds,
+        "seeds": [FIRST_SEED, FIRST_SEED + args.seeds - 1],
+        "spp": spp,
+        "variance_of_mean": m.total_variance,
+    }
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+              "lightopt": json.dumps(note, sort_keys=True)}
+    planes = {"": m.mean, "variance.": m.variance}
+    channels = {prefix + c: np.ascontiguousarray(values[..., i].astype(np.float32))
+                for prefix, values in planes.items() for i, c in enumerate("RGB")}
+    REFERENCES.mkdir(exist_ok=True)
+    OpenEXR.File(header, channels).write(str(REFERENCES / f"{name}.exr"))
+    print(f"{name:<16} mean {m.total:.5f}, error {100 * math.sqrt(m.total_variance) / m.total:.3f} %, "
+          f"{time.monotonic() - start:.0f} s", flush=True)
 
 
 def main():
@@ -162,6 +194,8 @@ def main():
     parser.add_argument("--size", default="48x36", help="of the pictures (default 48x36)")
     parser.add_argument("--seeds", type=int, default=16, help="renders of each program (default 16)")
     parser.add_argument("--integrator", choices=["bdpt", "path"], default="bdpt", help="ours (default bdpt)")
+    parser.add_argument("--write-references", action="store_true",
+                        help="only render with Mitsuba, into tests/mitsuba/references")
     parser.add_argument("--program", default=str(ROOT / "target" / "release" / "lightopt-embree"))
     args = parser.parse_args()
     args.scale = 0.125 if args.quick else 1.0
@@ -172,8 +206,13 @@ def main():
     except (ImportError, RuntimeError):
         mi.set_variant("scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)
+    if args.write_references:
+        with tempfile.TemporaryDirectory() as directory:
+            for name in args.only or [n for n in SCENES if (HERE / "scenes" / f"{n}.obj").exists()]:
+                write_reference(args, name, Path(directory))
+        return
     print(f"Mitsuba {mi.__version__} {mi.variant()}, {args.size}, {args.seeds} seeds, ours: {args.integrator}")
-    print("scene            difference   error  within 99%   rms z  worst z  limit     ours  mitsuba")
+    print("scene            difference   error   (ours, Mitsuba)  within 99%   rms z  worst z  limit     ours  mitsuba")
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as directory:
         same = [compare(args, name, Path(directory)) for name in args.only or SCENES]

@@ -5,6 +5,7 @@
 mod basket;
 mod bsdf;
 mod light;
+mod mitsuba;
 mod spawn;
 mod surroundings;
 mod transport;

@@ -12,8 +12,9 @@ use crate::{
     scene::Scene,
 };
 
-/// Points that stand for the disk of a spot: with 4096 no pixel of the
-/// comparison changes by more than its noise.
+/// Points that stand for the disk of a spot. What a straight edge leaves of them
+/// differs from what it leaves of the disk by 0.14 % of the whole (root mean
+/// square), at most 0.74 %.
 const N_SPOTS: u32 = 1024;
 /// Least cosine of a cone's edge: a projected picture cannot cover a half-space,
 /// and what leaves at more than 88 degrees is below 0.13 %.
