@@ -8,6 +8,7 @@
 //! # References
 //! \[Walter07\] (microfacets), \[Veach97\] 5.2 and 5.3 (adjoint BSDFs, shading normals).
 
+pub mod blend;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
@@ -19,10 +20,11 @@ use glam::{Vec2, Vec3};
 
 use crate::math::{Rgb, SolidAnglePdf};
 
+pub use blend::Blend;
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
-pub use plastic::{Coat, Plastic};
+pub use plastic::{Coat, CoatPoint, Plastic};
 
 /// What is transported along the subpath that is being extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +59,8 @@ pub enum Bsdf<'a> {
     Dielectric(Dielectric),
     /// Coated diffuse.
     Plastic(Plastic<'a>),
+    /// A mixture of the opaque models.
+    Blend(Blend<'a>),
 }
 
 impl Bsdf<'_> {
@@ -68,6 +72,7 @@ impl Bsdf<'_> {
             Self::Diffuse(b) => b.f(up_o, up_i),
             Self::Conductor(b) => b.f(up_o, up_i),
             Self::Plastic(b) => b.f(up_o, up_i),
+            Self::Blend(b) => b.f(up_o, up_i),
             Self::Dielectric(b) => b.f(wo, wi, mode),
         }
     }
@@ -80,6 +85,7 @@ impl Bsdf<'_> {
             Self::Diffuse(b) => b.pdf(up_o, up_i),
             Self::Conductor(b) => b.pdf(up_o, up_i),
             Self::Plastic(b) => b.pdf(up_o, up_i),
+            Self::Blend(b) => b.pdf(up_o, up_i),
             Self::Dielectric(b) => b.pdf(wo, wi),
         }
     }
@@ -94,6 +100,7 @@ impl Bsdf<'_> {
             Self::Diffuse(b) => b.sample(up, u),
             Self::Conductor(b) => b.sample(up, u),
             Self::Plastic(b) => b.sample(up, uc, u),
+            Self::Blend(b) => b.sample(up, uc, u),
         };
         sample.map(|s| if flipped { BsdfSample { wi: turn_over(s.wi), ..s } } else { s })
     }
@@ -105,6 +112,7 @@ impl Bsdf<'_> {
             Self::Diffuse(_) | Self::Plastic(_) => true,
             Self::Conductor(b) => b.ggx.is_some(),
             Self::Dielectric(b) => b.ggx.is_some(),
+            Self::Blend(b) => b.has_non_delta(),
         }
     }
 }

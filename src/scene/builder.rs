@@ -11,7 +11,7 @@ use glam::{UVec2, Vec3};
 
 use super::{
     Scene,
-    material::{Coats, Material, MaterialParams},
+    material::{Coats, Material, MaterialParams, Model},
     obj,
     sidecar::{MaterialSpec, Selection, Sidecar},
     wavefront::{LineError, Part},
@@ -234,11 +234,23 @@ impl Builder<'_> {
                 return Err(self.error(key("base_color"), format!("channels must be in [0, 1], got {c:?}")));
             }
         }
-        if let Some(r) = spec.roughness {
-            if !(0.0..=1.0).contains(&r) {
-                return Err(self.error(key("roughness"), format!("must be in [0, 1], got {r}")));
+        for (k, given, value) in [
+            ("roughness", spec.roughness, &mut params.roughness),
+            ("metallic", spec.metallic, &mut params.metallic),
+            ("specular", spec.specular, &mut params.specular),
+            ("opacity", spec.opacity, &mut params.opacity),
+        ] {
+            let Some(v) = given else { continue };
+            if !(0.0..=1.0).contains(&v) {
+                return Err(self.error(key(k), format!("must be in [0, 1], got {v}")));
             }
-            params.roughness = r;
+            *value = v;
+        }
+        if let Some(e) = spec.emission {
+            params.emission = Rgb::from_array(e);
+            if !(params.emission.is_finite() && params.emission.min_element() >= 0.0) {
+                return Err(self.error(key("emission"), format!("channels must be >= 0, got {e:?}")));
+            }
         }
         if let Some(ior) = spec.ior {
             if !(ior > 1.0 && ior <= 4.0) {
@@ -246,7 +258,16 @@ impl Builder<'_> {
             }
             params.ior = ior;
         }
-        params.model = spec.model.unwrap_or(params.model);
+        if let Some(model) = spec.model {
+            // It says what the surface is: glass is not paint that lets rays through, nor part metal.
+            let pure = MaterialParams { model, metallic: 0.0, metallic_map: None, ..params.clone() };
+            params = match model {
+                Model::Dielectric => MaterialParams { opacity: 1.0, opacity_map: None, ..pure },
+                _ => pure,
+            };
+            params.metallic = spec.metallic.unwrap_or(0.0);
+            params.opacity = spec.opacity.unwrap_or(params.opacity);
+        }
         Ok(params)
     }
 

@@ -18,6 +18,8 @@ pub struct SurfaceInteraction<'a> {
     pub ng: Vec3,
     /// Shading frame.
     pub frame: Frame,
+    /// Unit shading normal before a relief tilted it; `None` without relief.
+    pub untilted: Option<Vec3>,
     /// Scattering at the point.
     pub bsdf: Bsdf<'a>,
     /// Triangle.
@@ -40,9 +42,20 @@ pub struct ScatterSample {
 }
 
 impl SurfaceInteraction<'_> {
+    /// Whether a direction is on the same side of the surface with and without
+    /// its relief. One that is not takes no part in scattering, whichever end of
+    /// the path it belongs to: so nothing leaks through a closed surface, and both
+    /// modes of transport agree.
+    fn is_consistent(&self, w: Vec3) -> bool {
+        self.untilted.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
+    }
+
     /// BSDF times cosine about `wi`, adjoint correction included; world directions.
     #[must_use]
     pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+        if !(self.is_consistent(wo) && self.is_consistent(wi)) {
+            return Rgb::ZERO;
+        }
         let f = self.bsdf.f(self.frame.to_local(wo), self.frame.to_local(wi), mode);
         if f == Rgb::ZERO {
             return f;
@@ -53,18 +66,27 @@ impl SurfaceInteraction<'_> {
     /// Density with which [`Self::sample`] draws `wi` given `wo`.
     #[must_use]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
+        if !(self.is_consistent(wo) && self.is_consistent(wi)) {
+            return SolidAnglePdf(0.0);
+        }
         self.bsdf.pdf(self.frame.to_local(wo), self.frame.to_local(wi))
     }
 
     /// Samples a direction; `uc` chooses the lobe, `u` the direction.
     #[must_use]
     pub fn sample(&self, wo: Vec3, uc: f32, u: Vec2, mode: TransportMode) -> Option<ScatterSample> {
+        if !self.is_consistent(wo) {
+            return None;
+        }
         let wo_local = self.frame.to_local(wo);
         let s = self.bsdf.sample(wo_local, uc, u, mode)?;
         if s.pdf.0 <= 0.0 {
             return None;
         }
         let wi = self.frame.to_world(s.wi);
+        if !self.is_consistent(wi) {
+            return None;
+        }
         let weight = s.f * (adjoint_cosine(wo, wi, self.frame.n, self.ng, mode) / s.pdf.0);
         // A delta lobe is chosen with the same probability from both ends:
         // Fresnel's reflectance is reciprocal and a mirror keeps the angle.

@@ -6,7 +6,7 @@ use glam::Vec2;
 
 use super::texture::{ScalarMap, Texture};
 use crate::{
-    bsdf::{Bsdf, Coat, Conductor, Dielectric, Diffuse, Plastic, microfacet::Ggx},
+    bsdf::{Blend, Bsdf, Coat, CoatPoint, Conductor, Dielectric, Diffuse, Plastic, microfacet::Ggx},
     math::{Rgb, luminance},
 };
 
@@ -29,21 +29,14 @@ pub enum Model {
 pub struct Material {
     /// Name in the scene file.
     pub name: String,
-    model: Model,
-    base_color: Rgb,
-    texture: Option<Arc<Texture>>,
-    /// GGX slope; `None` is smooth.
+    params: MaterialParams,
+    /// GGX slope where no image varies it; `None` is smooth.
     alpha: Option<f32>,
-    ior: f32,
     coat: Option<Arc<Coat>>,
     /// Factor on the base colour: 1, or the background's value.
     value: f32,
     /// Factor that sampling decisions use: the largest background value.
     sampling_value: f32,
-    opacity: f32,
-    emission: Rgb,
-    emission_texture: Option<Arc<Texture>>,
-    emission_two_sided: bool,
 }
 
 /// Parameters of a [`Material`]: a model whose numbers images may vary.
@@ -129,68 +122,175 @@ impl Default for MaterialParams {
     }
 }
 
+impl MaterialParams {
+    /// All images, for [`super::texture::fit`].
+    pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Arc<Texture>> {
+        let maps =
+            [&mut self.roughness_map, &mut self.specular_map, &mut self.metallic_map, &mut self.opacity_map];
+        let relief = self.relief.as_mut().map(|r| match r {
+            Relief::NormalMap { texture, .. } => texture,
+            Relief::BumpMap { height, .. } => &mut height.texture,
+        });
+        let colors = [&mut self.texture, &mut self.emission_texture];
+        let maps = maps.into_iter().flatten().map(|m| &mut m.texture);
+        maps.chain(colors.into_iter().flatten()).chain(relief)
+    }
+}
+
 /// Coats by IOR and GGX slope: materials that are alike share their table.
 #[derive(Debug, Default)]
-pub struct Coats(HashMap<(u32, Option<u32>), Arc<Coat>>);
+pub struct Coats(HashMap<(u32, CoatRoughness), Arc<Coat>>);
+
+/// Roughness of a coat: smooth, the bits of a GGX slope, or varying.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum CoatRoughness {
+    Smooth,
+    Slope(u32),
+    Any,
+}
 
 impl Coats {
-    fn get(&mut self, ior: f32, alpha: Option<f32>) -> Arc<Coat> {
-        let key = (ior.to_bits(), alpha.map(f32::to_bits));
-        self.0.entry(key).or_insert_with(|| Arc::new(Coat::new(ior, alpha))).clone()
+    fn get(&mut self, ior: f32, alpha: Option<f32>, varies: bool) -> Arc<Coat> {
+        let roughness = match alpha {
+            _ if varies => CoatRoughness::Any,
+            Some(a) => CoatRoughness::Slope(a.to_bits()),
+            None => CoatRoughness::Smooth,
+        };
+        let tabulate = || {
+            Arc::new(match roughness {
+                CoatRoughness::Any => Coat::of_any_roughness(ior),
+                _ => Coat::new(ior, alpha),
+            })
+        };
+        self.0.entry((ior.to_bits(), roughness)).or_insert_with(tabulate).clone()
     }
+}
+
+/// A number times what its image says.
+fn scaled(factor: f32, map: Option<&ScalarMap>, uv: Vec2) -> f32 {
+    map.map_or(factor, |m| (factor * m.sample(uv)).clamp(0.0, 1.0))
+}
+
+/// The range that an image gives a number.
+fn range_of(factor: f32, map: Option<&ScalarMap>) -> [f32; 2] {
+    map.map_or([factor; 2], |m| m.range().map(|v| (factor * v).clamp(0.0, 1.0)))
 }
 
 impl Material {
     /// Builds a material; its coat, if any, is looked up or tabulated.
     #[must_use]
-    pub fn new(name: String, params: MaterialParams, coats: &mut Coats) -> Self {
+    pub fn new(name: String, mut params: MaterialParams, coats: &mut Coats) -> Self {
+        // Images whose numbers are all the same are numbers.
+        for (factor, map) in [
+            (&mut params.roughness, &mut params.roughness_map),
+            (&mut params.specular, &mut params.specular_map),
+            (&mut params.metallic, &mut params.metallic_map),
+            (&mut params.opacity, &mut params.opacity_map),
+        ] {
+            if let [lo, hi] = range_of(*factor, map.as_ref())
+                && lo == hi
+            {
+                (*factor, *map) = (lo.clamp(0.0, 1.0), None);
+            }
+        }
         let alpha = params.roughness * params.roughness;
         let alpha = (alpha >= Ggx::MIN_ALPHA).then_some(alpha);
-        Self {
-            name,
-            model: params.model,
-            base_color: params.base_color,
-            texture: params.texture,
-            alpha,
-            ior: params.ior,
-            coat: (params.model == Model::Plastic).then(|| coats.get(params.ior, alpha)),
-            value: 1.0,
-            sampling_value: 1.0,
-            opacity: params.opacity,
-            emission: params.emission,
-            emission_texture: params.emission_texture,
-            emission_two_sided: params.emission_two_sided,
-        }
+        let is_coated = params.model == Model::Plastic
+            && range_of(params.specular, params.specular_map.as_ref())[1] > 0.0
+            && range_of(params.metallic, params.metallic_map.as_ref())[0] < 1.0;
+        let coat = is_coated.then(|| coats.get(params.ior, alpha, params.roughness_map.is_some()));
+        Self { name, params, alpha, coat, value: 1.0, sampling_value: 1.0 }
     }
 
     /// Scattering model.
     #[must_use]
     pub fn model(&self) -> Model {
-        self.model
+        self.params.model
     }
 
-    /// GGX slope; `None` is smooth.
+    /// GGX slope where no image varies it; `None` is smooth.
     #[must_use]
     pub fn alpha(&self) -> Option<f32> {
         self.alpha
     }
 
+    /// Perceptual roughness without its image.
+    #[must_use]
+    pub fn roughness(&self) -> f32 {
+        self.params.roughness
+    }
+
+    /// Image that multiplies the roughness. The slope is then at least
+    /// [`Ggx::MIN_ALPHA`] everywhere.
+    #[must_use]
+    pub fn roughness_map(&self) -> Option<&ScalarMap> {
+        self.params.roughness_map.as_ref()
+    }
+
     /// IOR of a dielectric or of a coat, over that of air.
     #[must_use]
     pub fn ior(&self) -> f32 {
-        self.ior
+        self.params.ior
+    }
+
+    /// Strength of a plastic's coat without its image.
+    #[must_use]
+    pub fn specular(&self) -> f32 {
+        self.params.specular
+    }
+
+    /// Image that multiplies the strength of the coat.
+    #[must_use]
+    pub fn specular_map(&self) -> Option<&ScalarMap> {
+        self.params.specular_map.as_ref()
+    }
+
+    /// Share of metal of an opaque model that is not one, without its image.
+    #[must_use]
+    pub fn metallic(&self) -> f32 {
+        self.params.metallic
+    }
+
+    /// Image that multiplies the share of metal.
+    #[must_use]
+    pub fn metallic_map(&self) -> Option<&ScalarMap> {
+        self.params.metallic_map.as_ref()
+    }
+
+    /// Opacity without its image and cutoff.
+    #[must_use]
+    pub fn opacity_factor(&self) -> f32 {
+        self.params.opacity
+    }
+
+    /// Image that multiplies the opacity.
+    #[must_use]
+    pub fn opacity_map(&self) -> Option<&ScalarMap> {
+        self.params.opacity_map.as_ref()
+    }
+
+    /// An opacity below it counts as 0, any other as 1.
+    #[must_use]
+    pub fn opacity_cutoff(&self) -> Option<f32> {
+        self.params.opacity_cutoff
+    }
+
+    /// What tilts the shading normal.
+    #[must_use]
+    pub fn relief(&self) -> Option<&Relief> {
+        self.params.relief.as_ref()
     }
 
     /// Base colour without its texture, value included.
     #[must_use]
     pub fn tint(&self) -> Rgb {
-        self.base_color * self.value
+        self.params.base_color * self.value
     }
 
     /// Image that multiplies the tint.
     #[must_use]
     pub fn texture(&self) -> Option<&Texture> {
-        self.texture.as_deref()
+        self.params.texture.as_deref()
     }
 
     /// Sets the factor on the base colour, and the largest it will ever take.
@@ -207,77 +307,177 @@ impl Material {
 
     /// Base colour at `uv` at value 1.
     fn unscaled_color(&self, uv: Vec2) -> Rgb {
-        self.base_color * self.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
+        // A floating-point image may exceed 1, an albedo may not.
+        let texel = self.params.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv).min(Rgb::ONE));
+        self.params.base_color * texel
     }
 
     /// Largest channel the base colour takes at value 1.
     #[must_use]
     pub fn max_albedo(&self) -> f32 {
-        self.base_color.max_element() * self.texture.as_ref().map_or(1.0, |t| t.max_component())
+        let texel = self.params.texture.as_ref().map_or(Rgb::ONE, |t| t.range()[1].truncate().min(Rgb::ONE));
+        (self.params.base_color * texel).max_element()
     }
 
     /// Whether the base colour has an effect that a value can scale.
     #[must_use]
     pub fn has_value(&self) -> bool {
-        self.model != Model::Dielectric && self.max_albedo() > 0.0
+        self.params.model != Model::Dielectric && self.max_albedo() > 0.0
     }
 
     /// Whether a ray may pass straight through some of the surface.
     #[must_use]
     pub fn is_translucent(&self) -> bool {
-        self.opacity < 1.0
+        let [least, _] = range_of(self.params.opacity, self.params.opacity_map.as_ref());
+        least < self.params.opacity_cutoff.unwrap_or(1.0)
     }
 
     /// Probability that a ray does not pass straight through at `uv`.
     #[must_use]
-    pub fn opacity(&self, _uv: Vec2) -> f32 {
-        self.opacity
+    pub fn opacity(&self, uv: Vec2) -> f32 {
+        let opacity = scaled(self.params.opacity, self.params.opacity_map.as_ref(), uv);
+        match self.params.opacity_cutoff {
+            None => opacity,
+            Some(cutoff) => f32::from(opacity >= cutoff),
+        }
     }
 
     /// Whether the surface emits.
     #[must_use]
     pub fn is_emissive(&self) -> bool {
-        self.emission != Rgb::ZERO
+        let brightest = self.params.emission_texture.as_ref().map_or(1.0, |t| t.max_component());
+        self.params.emission != Rgb::ZERO && brightest > 0.0
     }
 
     /// Whether the back side emits too.
     #[must_use]
     pub fn emits_from_both_sides(&self) -> bool {
-        self.emission_two_sided
+        self.params.emission_two_sided
     }
 
     /// Radiance emitted without its texture, W·m⁻²·sr⁻¹.
     #[must_use]
     pub fn emission_tint(&self) -> Rgb {
-        self.emission
+        self.params.emission
     }
 
     /// Image that multiplies the emission.
     #[must_use]
     pub fn emission_texture(&self) -> Option<&Texture> {
-        self.emission_texture.as_deref()
+        self.params.emission_texture.as_deref()
     }
 
     /// Radiance emitted at `uv`, W·m⁻²·sr⁻¹.
     #[must_use]
     pub fn emission(&self, uv: Vec2) -> Rgb {
-        self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
+        self.params.emission * self.params.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
     /// The scattering function at `uv`.
     #[must_use]
     pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
-        let ggx = self.alpha.map(Ggx::new);
-        let base = if self.model == Model::Dielectric { Rgb::ONE } else { self.unscaled_color(uv) };
-        let color = base * self.value;
-        match (&self.coat, self.model) {
-            (Some(coat), _) => {
-                let sampling_albedo = luminance(base) * self.sampling_value;
-                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo, coat })
-            }
-            (None, Model::Conductor) => Bsdf::Conductor(Conductor { f0: color, ggx }),
-            (None, Model::Dielectric) => Bsdf::Dielectric(Dielectric { eta: self.ior, ggx }),
-            (None, _) => Bsdf::Diffuse(Diffuse { albedo: color }),
+        let p = &self.params;
+        // An image must not switch between a perfect mirror and a lobe.
+        let alpha = p.roughness_map.as_ref().map(|m| {
+            let roughness = scaled(p.roughness, Some(m), uv);
+            (roughness * roughness).max(Ggx::MIN_ALPHA)
+        });
+        let ggx = alpha.or(self.alpha).map(Ggx::new);
+        if p.model == Model::Dielectric {
+            return Bsdf::Dielectric(Dielectric { eta: p.ior, ggx });
         }
+        let base = self.unscaled_color(uv);
+        let color = base * self.value;
+        let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
+        if p.model == Model::Conductor || metallic >= 1.0 {
+            return Bsdf::Conductor(Conductor { f0: color, ggx });
+        }
+        let coat: Option<CoatPoint> = self.coat.as_deref().map(|c| alpha.map_or(c.constant(), |a| c.at(a)));
+        let specular = if coat.is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
+        let sampling_color = luminance(base) * self.sampling_value;
+        match coat {
+            _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: color }),
+            Some(coat) if metallic == 0.0 && specular == 1.0 => {
+                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo: sampling_color, coat })
+            }
+            _ => Bsdf::Blend(Blend { color, sampling_color, metallic, specular, coat, ggx }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::texture::{Channel, Encoding};
+
+    /// Texels 0 and 1 side by side in red, 0.5 and 0.5 in green.
+    fn map(channel: Channel) -> Option<ScalarMap> {
+        let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([255 * x as u8, 51, 0, 255]));
+        let texture = Texture::from_image(image::DynamicImage::ImageRgba8(image), Encoding::Linear);
+        Some(ScalarMap { texture: Arc::new(texture.expect("has pixels")), channel })
+    }
+
+    fn material(params: MaterialParams) -> Material {
+        Material::new("m".into(), params, &mut Coats::default())
+    }
+
+    /// Centres of both texels, and between.
+    const UV: [Vec2; 3] = [Vec2::new(0.25, 0.5), Vec2::new(0.75, 0.5), Vec2::new(0.5, 0.5)];
+
+    #[test]
+    fn mixtures_are_pure_where_their_weights_are() {
+        let p = MaterialParams { model: Model::Plastic, ..MaterialParams::default() };
+        let m = material(MaterialParams { metallic: 1.0, metallic_map: map(Channel::R), ..p.clone() });
+        let [none, full, half] = UV.map(|uv| m.bsdf(uv));
+        assert!(matches!((none, full, half), (Bsdf::Plastic(_), Bsdf::Conductor(_), Bsdf::Blend(_))));
+        let m = material(MaterialParams { specular_map: map(Channel::R), ..p.clone() });
+        let [none, full, half] = UV.map(|uv| m.bsdf(uv));
+        assert!(matches!((none, full, half), (Bsdf::Diffuse(_), Bsdf::Plastic(_), Bsdf::Blend(_))));
+        // An image of one number is a number; no coat, no table.
+        let m = material(MaterialParams { specular_map: map(Channel::B), ..p.clone() });
+        assert!(m.specular() == 0.0 && m.specular_map().is_none() && m.coat.is_none());
+        let m = material(MaterialParams { specular: 2.0, specular_map: map(Channel::G), ..p });
+        assert!((m.specular() - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn an_image_makes_no_perfect_mirror() {
+        for model in [Model::Conductor, Model::Dielectric] {
+            let p = MaterialParams {
+                model,
+                roughness: 1.0,
+                roughness_map: map(Channel::R),
+                ..MaterialParams::default()
+            };
+            let m = material(p);
+            assert!(UV.iter().all(|&uv| m.bsdf(uv).has_non_delta()));
+        }
+        let m =
+            material(MaterialParams { model: Model::Conductor, roughness: 0.0, ..MaterialParams::default() });
+        assert!(!m.bsdf(Vec2::ZERO).has_non_delta());
+    }
+
+    #[test]
+    fn opacity_follows_factor_image_and_cutoff() {
+        let p = MaterialParams { opacity: 0.8, opacity_map: map(Channel::R), ..MaterialParams::default() };
+        let m = material(p.clone());
+        assert!(m.is_translucent());
+        assert_eq!(UV.map(|uv| m.opacity(uv)), [0.0, 0.8, 0.4]);
+        let m = material(MaterialParams { opacity_cutoff: Some(0.5), ..p.clone() });
+        assert_eq!(UV.map(|uv| m.opacity(uv)), [0.0, 1.0, 0.0]);
+        assert!(m.is_translucent());
+        let m = material(MaterialParams { opacity_cutoff: Some(0.0), ..p });
+        assert!(!m.is_translucent() && UV.iter().all(|&uv| m.opacity(uv) == 1.0));
+        assert!(!material(MaterialParams::default()).is_translucent());
+    }
+
+    #[test]
+    fn the_largest_albedo_holds_tint_and_image() {
+        let texture = map(Channel::R).map(|m| m.texture);
+        let p = MaterialParams { base_color: Rgb::new(0.3, 0.9, 0.9), texture, ..MaterialParams::default() };
+        let m = material(p.clone());
+        assert!((m.max_albedo() - 0.3).abs() < 1e-6 && m.has_value());
+        assert!(!material(MaterialParams { model: Model::Dielectric, ..p.clone() }).has_value());
+        assert!(!material(MaterialParams { base_color: Rgb::Z, ..p }).has_value());
     }
 }

@@ -5,7 +5,10 @@ pub mod builder;
 pub mod interaction;
 pub mod material;
 pub mod mesh;
+pub mod mtl;
+pub mod mtl_params;
 pub mod obj;
+pub mod relief;
 pub mod sidecar;
 pub mod texture;
 pub mod wavefront;
@@ -227,12 +230,15 @@ impl Scene {
         let ng = if ng.dot(ns) < 0.0 { -ng } else { ng };
         let uv: Vec2 = self.mesh.uvs[i] * w + self.mesh.uvs[j] * u + self.mesh.uvs[k] * v;
         let material = self.mesh.materials[triangle];
-        let bsdf = self.materials[material as usize].bsdf(uv);
+        let surface = &self.materials[material as usize];
+        let bsdf = surface.bsdf(uv);
+        let tilted = surface.relief().map(|r| relief::tilt(r, &self.mesh, triangle, uv, ns));
         let si = SurfaceInteraction {
             p,
             p_error: interaction::rounding_of([a, b, c]),
             ng,
-            frame: Frame::from_normal(ns),
+            frame: Frame::from_normal(tilted.unwrap_or(ns)),
+            untilted: tilted.map(|_| ns),
             bsdf,
             triangle: hit.prim,
         };

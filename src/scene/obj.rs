@@ -5,45 +5,53 @@
 //! | MTL | meaning |
 //! | --- | --- |
 //! | `Kd`, `map_Kd` | base colour: linear Rec.709, times the sRGB-decoded image |
-//! | `Pm` ≥ 0.5 | `conductor` with the base colour as reflectance at normal incidence |
-//! | `illum` 4, 6, 7, 9 | `dielectric` (glass) of IOR `Ni` |
-//! | `illum` 3 and black `Kd` | `conductor` with reflectance `Ks` |
-//! | `Ks` > 0 | `plastic`: the base colour under a coat of IOR `Ni` (1.5 when absent or 1) |
+//! | `Pm` 1 | `conductor` with the base colour as reflectance at normal incidence |
+//! | `Pm` below 1, `map_Pm` | share of such a metal; the image replaces the number |
+//! | `illum` 4, 6, 7, 9 | `dielectric` (glass) of IOR `Ni`, unless half or more is metal |
+//! | `illum` 3 and black `Kd` | `conductor` with reflectance `Ks` times the colours of `map_Ks` |
+//! | `Ks` > 0, or `map_Ks` alone | `plastic`: the base colour under a coat of IOR `Ni` (1.5 when absent or 1) of strength `map_Ks` |
 //! | otherwise | `diffuse` |
-//! | `Pr` | roughness; the GGX slope is `Pr²` |
+//! | `Pr`, `map_Pr` | roughness; the GGX slope is its square; the image replaces the number |
 //! | `Ns` | without `Pr`: slope `√(2/(Ns+2))` |
+//! | `d`, or 1 − `Tr`; `map_d` | opacity, times the image's alpha if that varies, otherwise its red; of glass: nothing |
+//! | `Ke`, `map_Ke` | radiance emitted by both sides, W·m⁻²·sr⁻¹ |
+//! | `norm` | normal map, `-bm` multiplies its slopes |
+//! | `map_Bump`, `bump` | the same if the image looks like one; otherwise heights: white is `-bm` hundredths of the image's width above black |
+//! | `-s`, `-o`, `-imfchan` | of any map: texture coordinates `s·uv + o`, and the channel of a number |
 //!
 //! Faces without a material, and materials that no library defines, are diffuse
-//! grey of albedo 0.8. `Ke`, `d`, `Tr` and other maps are ignored with a warning.
+//! grey of albedo 0.8. Other maps and options are ignored with a warning; a map
+//! whose file is missing is left out with a warning.
 //!
-//! `Ks` decides only whether there is a coat: its strength follows from the IOR.
+//! `Ks` decides only whether there is a coat: how much it reflects follows from
+//! the IOR.
+//!
+//! # Files of Blender
+//!
+//! They begin with `# Blender` and mean the parameters of its principled shader:
+//!
+//! | MTL | meaning |
+//! | --- | --- |
+//! | `Ks`, `map_Ks` | specular level: the coat has twice this strength, 1 at most |
+//! | `Pr` or `Ns`, `map_Pr` or `map_Ns` | roughness, `1 − √(Ns/1000)`; with 900 where the first line names no version |
+//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm` or `map_refl` | share of metal |
+//! | `Tf` ≥ 0.5 | `dielectric`; `illum` 6 and 9 are no glass but say that `d` < 1 |
 
-use std::{
-    collections::HashMap,
-    fs,
-    path::{Path, PathBuf},
-    sync::Arc,
-};
+use std::{collections::HashMap, fs, path::Path};
 
 use glam::{Vec2, Vec3};
 
 use super::{
     builder::SceneError,
-    material::{MaterialParams, Model},
+    material::MaterialParams,
     mesh::{Mesh, face_normal, smooth_normals},
-    texture::{Encoding, Texture},
+    mtl::{self, MtlMaterial},
+    mtl_params::{self, grey},
     wavefront::{self, Part, PlainObj},
 };
-use crate::math::Rgb;
 
-/// IOR of a coat or glass whose file does not say.
-const DEFAULT_IOR: f32 = 1.5;
-/// Roughness of a coat whose file does not say.
-const DEFAULT_ROUGHNESS: f32 = 0.5;
 /// Name of the material of faces without one.
 const NO_NAME: &str = "(none)";
-/// Albedo of faces without a material.
-const DEFAULT_ALBEDO: f32 = 0.8;
 
 /// What an OBJ and its MTL hold.
 #[derive(Debug)]
@@ -74,17 +82,16 @@ pub fn load(path: &Path, crease: f32) -> Result<ObjScene, SceneError> {
     }
     let library = material_library(path, &plain, &mut warnings)?;
     let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
+    // `tobj` need only know the names.
+    let named = |m: &MtlMaterial| tobj::Material { name: m.name.clone(), ..Default::default() };
+    let all = || library.iter().map(named).collect::<Vec<_>>();
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
-    let (models, _) =
-        tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((library.clone(), names())))
-            .map_err(|source| SceneError::Obj { path: path.into(), source })?;
+    let (models, _) = tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((all(), names())))
+        .map_err(|source| SceneError::Obj { path: path.into(), source })?;
 
-    let dir = path.parent().unwrap_or(Path::new(""));
-    let mut textures = HashMap::new();
-    let mut materials = Vec::new();
-    for m in &library {
-        materials.push((m.name.clone(), material_params(m, dir, &mut textures, &mut warnings)?));
-    }
+    let mut reader = mtl_params::Reader::new(warnings);
+    let mut materials = reader.read(&library)?;
+    let mut warnings = reader.warnings;
     let default_material = materials.len() as u32;
     let mut raw = Mesh::default();
     let mut dropped = plain.n_short;
@@ -113,9 +120,9 @@ fn material_library(
     path: &Path,
     plain: &PlainObj,
     warnings: &mut Vec<String>,
-) -> Result<Vec<tobj::Material>, SceneError> {
+) -> Result<Vec<MtlMaterial>, SceneError> {
     let dir = path.parent().unwrap_or(Path::new(""));
-    let mut library: Vec<tobj::Material> = Vec::new();
+    let mut library: Vec<MtlMaterial> = Vec::new();
     let mut is_missing = false;
     for (line, names) in &plain.libraries {
         // One name with spaces, or several names.
@@ -135,11 +142,10 @@ fn material_library(
                     continue;
                 }
             };
-            let (text, notes) = wavefront::plain_mtl(&String::from_utf8_lossy(&bytes))
+            let directory = file.parent().unwrap_or(Path::new(""));
+            let (materials, notes) = mtl::parse(&String::from_utf8_lossy(&bytes), directory)
                 .map_err(|e| SceneError::at(&file, e))?;
             warnings.extend(notes.into_iter().map(|n| format!("{}: {n}", file.display())));
-            let (materials, _) = tobj::load_mtl_buf(&mut text.as_bytes())
-                .map_err(|source| SceneError::Obj { path: file.clone(), source })?;
             for m in materials {
                 // The last definition of a name counts.
                 library.retain(|known| known.name != m.name);
@@ -153,14 +159,10 @@ fn material_library(
                 let obj = path.display();
                 warnings.push(format!("{obj}:{line}: no library defines material `{name}`; using grey"));
             }
-            library.push(tobj::Material { name: name.clone(), ..Default::default() });
+            library.push(MtlMaterial { name: name.clone(), ..Default::default() });
         }
     }
     Ok(library)
-}
-
-fn grey() -> MaterialParams {
-    MaterialParams { base_color: Rgb::splat(DEFAULT_ALBEDO), ..MaterialParams::default() }
 }
 
 /// Appends a model, whose absent normals are zero; returns how many triangles
@@ -226,63 +228,4 @@ fn with_normals(raw: &Mesh, parts: &[Part], crease: f32) -> Mesh {
         out.indices.push(triangle);
     }
     out
-}
-
-fn material_params(
-    m: &tobj::Material,
-    dir: &Path,
-    textures: &mut HashMap<PathBuf, Arc<Texture>>,
-    warnings: &mut Vec<String>,
-) -> Result<MaterialParams, SceneError> {
-    let number =
-        |key: &str| m.unknown_param.get(key).and_then(|v| v.split_whitespace().next()?.parse::<f32>().ok());
-    let clamp = |key: &str, c: [f32; 3], warnings: &mut Vec<String>| {
-        let c = Rgb::from_array(c);
-        let clamped = c.clamp(Rgb::ZERO, Rgb::ONE);
-        if clamped != c {
-            warnings.push(format!("material `{}`: {key} {c} is outside [0, 1] and was clamped", m.name));
-        }
-        clamped
-    };
-    let specular = clamp("Ks", m.specular.unwrap_or_default(), warnings);
-    let mut base_color = clamp("Kd", m.diffuse.unwrap_or([DEFAULT_ALBEDO; 3]), warnings);
-    let texture = match &m.diffuse_texture {
-        None => None,
-        Some(name) => {
-            let path = dir.join(name.replace('\\', "/"));
-            if let Some(t) = textures.get(&path) {
-                Some(t.clone())
-            } else {
-                let t = Arc::new(Texture::load(
-                    &path,
-                    Encoding::Srgb,
-                    &format!("`map_Kd` of material `{}`", m.name),
-                )?);
-                textures.insert(path, t.clone());
-                Some(t)
-            }
-        }
-    };
-    let illum = m.illumination_model.unwrap_or(2);
-    let model = if number("Pm").is_some_and(|v| v >= 0.5) {
-        Model::Conductor
-    } else if matches!(illum, 4 | 6 | 7 | 9) {
-        Model::Dielectric
-    } else if illum == 3 && base_color.max_element() == 0.0 && specular.max_element() > 0.0 {
-        base_color = specular;
-        Model::Conductor
-    } else if specular.max_element() > 0.0 {
-        Model::Plastic
-    } else {
-        Model::Diffuse
-    };
-    let slope_from_ns = |ns: f32| (2.0 / (ns.max(0.0) + 2.0)).sqrt();
-    let roughness = match (number("Pr"), m.shininess, model) {
-        (Some(pr), _, _) => pr.clamp(0.0, 1.0),
-        (None, _, Model::Dielectric) => 0.0,
-        (None, Some(ns), _) => slope_from_ns(ns).sqrt(),
-        (None, None, _) => DEFAULT_ROUGHNESS,
-    };
-    let ior = m.optical_density.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
-    Ok(MaterialParams { model, base_color, texture, roughness, ior, ..MaterialParams::default() })
 }

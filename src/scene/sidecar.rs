@@ -56,7 +56,15 @@
 //! base_color = [0.3, 0.2, 0.1]
 //! roughness = 0.2                   # GGX slope is its square; 0 is smooth
 //! ior = 1.5
+//! metallic = 0.0                    # share of metal of the same colour and roughness
+//! specular = 1.0                    # plastic: strength of the coat
+//! opacity = 1.0                     # share of rays that do not pass straight through
+//! emission = [0.0, 0.0, 0.0]        # radiance, W·m⁻²·sr⁻¹
 //! ```
+//!
+//! A number that is given takes the place of the material's number; an image
+//! still multiplies it. A `model` that is given is pure: the shares of metal of
+//! the MTL, and for a `dielectric` its opacity, are left out.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -258,6 +266,14 @@ pub struct MaterialSpec {
     pub roughness: Option<f32>,
     /// IOR.
     pub ior: Option<f32>,
+    /// Share of metal.
+    pub metallic: Option<f32>,
+    /// Strength of a plastic's coat.
+    pub specular: Option<f32>,
+    /// Opacity.
+    pub opacity: Option<f32>,
+    /// Radiance emitted, W·m⁻²·sr⁻¹.
+    pub emission: Option<[f32; 3]>,
 }
 
 fn one() -> f32 {

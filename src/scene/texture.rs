@@ -1,11 +1,14 @@
 //! Image textures.
+//!
+//! Texels are kept as the file stores them, 8 or 16 bits a channel or floating
+//! point, and decoded when they are looked up.
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, LazyLock},
 };
 
-use glam::{Vec2, Vec4};
+use glam::{Affine2, Vec2, Vec4};
 
 use crate::math::Rgb;
 
@@ -18,8 +21,19 @@ pub struct TextureError {
     source: image::ImageError,
 }
 
+/// What the images of a scene may occupy, bytes: 64 images of 2048² texels of 8
+/// bits fit, and a machine that renders has it to spare.
+pub const TEXTURE_BUDGET: u64 = 1 << 30;
+
+/// Most bytes that decoding one image may take, whatever its header says:
+/// 16384² texels of 8 bits.
+const MAX_DECODED: u64 = 1 << 30;
+
+/// Largest width and height of an image.
+const MAX_SIDE: u32 = 1 << 16;
+
 /// What the numbers of an 8- or 16-bit image mean; floating-point images are linear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Encoding {
     /// sRGB-encoded colour; alpha is linear.
     Srgb,
@@ -30,9 +44,29 @@ pub enum Encoding {
 /// An RGBA image with repeat addressing and bilinear filtering of linear values.
 #[derive(Clone, Debug)]
 pub struct Texture {
+    image: Arc<Image>,
+    /// Maps texture coordinates of the surface to those of the image.
+    transform: Affine2,
+}
+
+/// The texels of a texture.
+#[derive(Clone, Debug)]
+struct Image {
+    name: String,
     width: usize,
     height: usize,
-    texels: Vec<[f32; 4]>,
+    encoding: Encoding,
+    texels: Texels,
+    /// Smallest and largest decoded value of each channel.
+    range: [Vec4; 2],
+}
+
+/// Texels as stored, row by row from the top.
+#[derive(Clone, Debug)]
+enum Texels {
+    U8(Vec<[u8; 4]>),
+    U16(Vec<[u16; 4]>),
+    F32(Vec<[f32; 4]>),
 }
 
 /// The numbers of one channel of an image.
@@ -63,22 +97,124 @@ impl ScalarMap {
     pub fn sample(&self, uv: Vec2) -> f32 {
         self.texture.sample_rgba(uv)[self.channel as usize]
     }
+
+    /// Smallest and largest value of any texel.
+    #[must_use]
+    pub fn range(&self) -> [f32; 2] {
+        self.texture.range().map(|v| v[self.channel as usize])
+    }
+
+    /// Derivatives of the value by u and by v (up) of the surface.
+    #[must_use]
+    pub fn gradient(&self, uv: Vec2) -> Vec2 {
+        Vec2::from_array(self.texture.gradient(uv).map(|d| d[self.channel as usize]))
+    }
+}
+
+impl Texels {
+    fn bytes(&self) -> u64 {
+        (match self {
+            Self::U8(t) => size_of_val(t.as_slice()),
+            Self::U16(t) => size_of_val(t.as_slice()),
+            Self::F32(t) => size_of_val(t.as_slice()),
+        }) as u64
+    }
+}
+
+impl Image {
+    fn new(name: String, [width, height]: [usize; 2], encoding: Encoding, texels: Texels) -> Self {
+        let mut image = Self { name, width, height, encoding, texels, range: [Vec4::ZERO; 2] };
+        let (mut lo, mut hi) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        for i in 0..width * height {
+            let t = image.decoded(i);
+            (lo, hi) = (lo.min(t), hi.max(t));
+        }
+        image.range = [lo, hi];
+        image
+    }
+
+    /// Linear values of a texel by its index.
+    fn decoded(&self, i: usize) -> Vec4 {
+        match (&self.texels, self.encoding) {
+            (Texels::U8(t), Encoding::Srgb) => {
+                let ([r, g, b, a], table) = (t[i], &*SRGB_8);
+                let c = |v: u8| table[usize::from(v)];
+                Vec4::new(c(r), c(g), c(b), f32::from(a) / 255.0)
+            }
+            (Texels::U8(t), Encoding::Linear) => Vec4::from_array(t[i].map(|v| f32::from(v) / 255.0)),
+            (Texels::U16(t), Encoding::Srgb) => {
+                let ([r, g, b, a], table) = (t[i], &*SRGB_16);
+                let c = |v: u16| table[usize::from(v)];
+                Vec4::new(c(r), c(g), c(b), f32::from(a) / 65535.0)
+            }
+            (Texels::U16(t), Encoding::Linear) => Vec4::from_array(t[i].map(|v| f32::from(v) / 65535.0)),
+            (Texels::F32(t), _) => Vec4::from_array(t[i]),
+        }
+    }
+
+    /// The image at half the width and height, at least 1: means of linear values.
+    fn halved(&self) -> Self {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let mean = |i: usize| {
+            let (x, y) = (i % width * 2, i / width * 2);
+            let at = |x: usize, y: usize| {
+                self.decoded(y.min(self.height - 1) * self.width + x.min(self.width - 1))
+            };
+            (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1)) / 4.0
+        };
+        let encoded = |i: usize| {
+            let m = mean(i);
+            // Ties, which sums of four make, are rounded to even: rounded up they would brighten.
+            match self.encoding {
+                Encoding::Linear => m,
+                Encoding::Srgb => m.truncate().map(srgb_encode).extend(m.w),
+            }
+        };
+        let n = width * height;
+        let texels = match &self.texels {
+            Texels::U8(_) => Texels::U8(
+                (0..n).map(|i| (encoded(i) * 255.0).to_array().map(|v| v.round_ties_even() as u8)).collect(),
+            ),
+            Texels::U16(_) => Texels::U16(
+                (0..n)
+                    .map(|i| (encoded(i) * 65535.0).to_array().map(|v| v.round_ties_even() as u16))
+                    .collect(),
+            ),
+            Texels::F32(_) => Texels::F32((0..n).map(|i| mean(i).to_array()).collect()),
+        };
+        Self::new(self.name.clone(), [width, height], self.encoding, texels)
+    }
+}
+
+/// Four neighbouring texels and where between them a point lies.
+struct Footprint {
+    /// Top left, top right, bottom left, bottom right.
+    texels: [Vec4; 4],
+    /// From the left and from the top, in [0, 1).
+    at: Vec2,
 }
 
 impl Texture {
-    /// Reads an image file: BMP, HDR, JPEG, PNG, TGA, TIFF or WebP. `role` says
-    /// in messages what the image is for.
+    /// Reads an image file: BMP, EXR, HDR, JPEG, PNG, TGA, TIFF or WebP. `role`
+    /// says in messages what the image is for.
     ///
     /// # Errors
-    /// When the file is missing or not an image.
+    /// When the file is missing, not an image, or larger than 1 GiB decoded.
     pub fn load(path: &Path, encoding: Encoding, role: &str) -> Result<Self, TextureError> {
         let error = |source| TextureError { path: path.into(), role: role.into(), source };
+        let mut limits = image::Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        limits.max_alloc = Some(MAX_DECODED);
         let image = image::ImageReader::open(path)
             .and_then(image::ImageReader::with_guessed_format)
             .map_err(image::ImageError::IoError)
-            .and_then(image::ImageReader::decode)
+            .and_then(|mut reader| {
+                reader.limits(limits);
+                reader.decode()
+            })
             .map_err(error)?;
-        Self::from_image(image, encoding).map_err(error)
+        Ok(Self::from_image(image, encoding).map_err(error)?.named(path.display().to_string()))
     }
 
     /// A texture of a decoded image.
@@ -86,16 +222,48 @@ impl Texture {
     /// # Errors
     /// When it has no pixels.
     pub fn from_image(image: image::DynamicImage, encoding: Encoding) -> Result<Self, image::ImageError> {
-        if image.width() == 0 || image.height() == 0 {
+        use image::ColorType::{L8, L16, La8, La16, Rgb8, Rgb16, Rgba8, Rgba16};
+        let [width, height] = [image.width() as usize, image.height() as usize];
+        if width == 0 || height == 0 {
             let empty = std::io::Error::new(std::io::ErrorKind::InvalidData, "the image has no pixels");
             return Err(image::ImageError::IoError(empty));
         }
-        let is_float = matches!(image.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
-        let decode = |v: f32| if is_float || encoding == Encoding::Linear { v } else { srgb_decode(v) };
-        let rgba = image.into_rgba32f();
-        let (width, height) = (rgba.width() as usize, rgba.height() as usize);
-        let texels = rgba.pixels().map(|p| [decode(p[0]), decode(p[1]), decode(p[2]), p[3]]).collect();
-        Ok(Self { width, height, texels })
+        let (texels, encoding) = match image.color() {
+            L8 | La8 | Rgb8 | Rgba8 => {
+                (Texels::U8(image.into_rgba8().pixels().map(|p| p.0).collect()), encoding)
+            }
+            L16 | La16 | Rgb16 | Rgba16 => {
+                (Texels::U16(image.into_rgba16().pixels().map(|p| p.0).collect()), encoding)
+            }
+            _ => {
+                // No material parameter is negative or not a number.
+                let sane = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
+                let texels = image.into_rgba32f().pixels().map(|p| p.0.map(sane)).collect();
+                (Texels::F32(texels), Encoding::Linear)
+            }
+        };
+        let image = Image::new("image".into(), [width, height], encoding, texels);
+        Ok(Self { image: Arc::new(image), transform: Affine2::IDENTITY })
+    }
+
+    /// The texture under the name that messages give it.
+    #[must_use]
+    pub fn named(mut self, name: String) -> Self {
+        Arc::make_mut(&mut self.image).name = name;
+        self
+    }
+
+    /// The same image where the surface's texture coordinates (v up) pass
+    /// through `transform` first.
+    #[must_use]
+    pub fn transformed(&self, transform: Affine2) -> Self {
+        Self { image: self.image.clone(), transform: transform * self.transform }
+    }
+
+    /// Maps texture coordinates of the surface to those of the image, v up.
+    #[must_use]
+    pub fn transform(&self) -> Affine2 {
+        self.transform
     }
 
     /// Linear colour at `uv` (v up, as in OBJ).
@@ -107,39 +275,189 @@ impl Texture {
     /// Linear colour and alpha at `uv` (v up, as in OBJ).
     #[must_use]
     pub fn sample_rgba(&self, uv: Vec2) -> Vec4 {
-        let x = uv.x * self.width as f32 - 0.5;
-        let y = (1.0 - uv.y) * self.height as f32 - 0.5;
+        let Footprint { texels: [a, b, c, d], at } = self.footprint(uv);
+        a.lerp(b, at.x).lerp(c.lerp(d, at.x), at.y)
+    }
+
+    /// Derivatives of the linear values by u and by v (up) of the surface.
+    #[must_use]
+    pub fn gradient(&self, uv: Vec2) -> [Vec4; 2] {
+        let Footprint { texels: [a, b, c, d], at } = self.footprint(uv);
+        let du = (b - a).lerp(d - c, at.y) * self.image.width as f32;
+        let dv = (a - c).lerp(b - d, at.x) * self.image.height as f32;
+        let m = self.transform.matrix2;
+        [du * m.x_axis.x + dv * m.x_axis.y, du * m.y_axis.x + dv * m.y_axis.y]
+    }
+
+    fn footprint(&self, uv: Vec2) -> Footprint {
+        let Image { width, height, .. } = *self.image;
+        let uv = self.transform.transform_point2(uv);
+        let x = uv.x * width as f32 - 0.5;
+        let y = (1.0 - uv.y) * height as f32 - 0.5;
         let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let texel = |x: f32, y: f32| {
-            let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
-            Vec4::from_array(self.texels[wrap(y, self.height) * self.width + wrap(x, self.width)])
-        };
-        let top = texel(x0, y0).lerp(texel(x0 + 1.0, y0), fx);
-        let bottom = texel(x0, y0 + 1.0).lerp(texel(x0 + 1.0, y0 + 1.0), fx);
-        top.lerp(bottom, fy)
+        let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
+        let (left, right) = (wrap(x0, width), wrap(x0 + 1.0, width));
+        let (top, bottom) = (wrap(y0, height) * width, wrap(y0 + 1.0, height) * width);
+        Footprint {
+            texels: [top + left, top + right, bottom + left, bottom + right].map(|i| self.image.decoded(i)),
+            at: Vec2::new(x - x0, y - y0),
+        }
     }
 
     /// Width and height, texels.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
-        [self.width, self.height]
+        [self.image.width, self.image.height]
     }
 
     /// Linear colour and alpha of a texel, counted from the top left.
     #[must_use]
     pub fn texel(&self, x: usize, y: usize) -> [f32; 4] {
-        self.texels[y * self.width + x]
+        self.image.decoded(y * self.image.width + x).to_array()
     }
 
     /// Largest colour channel of any texel.
     #[must_use]
     pub fn max_component(&self) -> f32 {
-        self.texels.iter().flat_map(|t| &t[..3]).fold(0.0, |m, &v| m.max(v))
+        self.image.range[1].truncate().max_element()
+    }
+
+    /// Smallest and largest value of each channel of any texel.
+    #[must_use]
+    pub fn range(&self) -> [Vec4; 2] {
+        self.image.range
     }
 }
+
+/// Halves images by a box filter, the largest first, until all together occupy
+/// at most `budget` bytes; says which. Textures that share an image still do.
+pub fn fit(textures: &mut [&mut Arc<Texture>], budget: u64) -> Vec<String> {
+    let mut images: Vec<Arc<Image>> = Vec::new();
+    let of: Vec<usize> = textures
+        .iter()
+        .map(|t| {
+            images.iter().position(|i| Arc::ptr_eq(i, &t.image)).unwrap_or_else(|| {
+                images.push(t.image.clone());
+                images.len() - 1
+            })
+        })
+        .collect();
+    let original: Vec<[usize; 2]> = images.iter().map(|i| [i.width, i.height]).collect();
+    while images.iter().map(|i| i.texels.bytes()).sum::<u64>() > budget {
+        // The first of the largest: the result does not depend on anything else.
+        let largest = images.iter_mut().rev().max_by_key(|i| i.texels.bytes());
+        let Some(image) = largest.filter(|i| i.width * i.height > 1) else { break };
+        *image = Arc::new(image.halved());
+    }
+    for (texture, &i) in textures.iter_mut().zip(&of) {
+        if !Arc::ptr_eq(&texture.image, &images[i]) {
+            **texture = Arc::new(Texture { image: images[i].clone(), transform: texture.transform });
+        }
+    }
+    let reduced = images.iter().zip(original).filter(|(i, size)| [i.width, i.height] != *size);
+    reduced
+        .map(|(i, [width, height])| {
+            let allowed = budget >> 20;
+            format!(
+                "{}: reduced from {width} x {height} to {} x {} texels: the textures of a scene may \
+                 occupy {allowed} MiB",
+                i.name, i.width, i.height
+            )
+        })
+        .collect()
+}
+
+/// Decoded 8-bit values.
+static SRGB_8: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|i| srgb_decode(i as f32 / 255.0)));
+
+/// Decoded 16-bit values.
+static SRGB_16: LazyLock<Vec<f32>> =
+    LazyLock::new(|| (0..=u16::MAX).map(|i| srgb_decode(f32::from(i) / 65535.0)).collect());
 
 /// Inverse of the sRGB transfer function, IEC 61966-2-1.
 fn srgb_decode(v: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The sRGB transfer function, IEC 61966-2-1.
+fn srgb_encode(v: f32) -> f32 {
+    if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(width: u32, height: u32) -> image::RgbaImage {
+        image::RgbaImage::from_fn(width, height, |x, y| {
+            image::Rgba((crate::math::hash::mix64(u64::from(y * width + x)) as u32).to_be_bytes())
+        })
+    }
+
+    fn texture(image: image::RgbaImage, encoding: Encoding) -> Arc<Texture> {
+        Arc::new(Texture::from_image(image::DynamicImage::ImageRgba8(image), encoding).expect("has pixels"))
+    }
+
+    #[test]
+    fn bits_of_a_texel_do_not_matter() {
+        let image = noise(5, 3);
+        let wide = image::DynamicImage::ImageRgba8(image.clone()).into_rgba16();
+        for encoding in [Encoding::Srgb, Encoding::Linear] {
+            let a = texture(image.clone(), encoding);
+            let b = Texture::from_image(image::DynamicImage::ImageRgba16(wide.clone()), encoding)
+                .expect("has pixels");
+            for i in 0..100 {
+                let uv = Vec2::new(i as f32 * 0.37 - 9.0, i as f32 * 0.23 - 7.0);
+                assert!((a.sample_rgba(uv) - b.sample_rgba(uv)).abs().max_element() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn the_gradient_is_the_slope_of_the_samples_under_any_transform() {
+        let turned = Affine2::from_scale_angle_translation(Vec2::new(2.0, -0.5), 0.6, Vec2::new(0.3, 0.1));
+        let plain = texture(noise(7, 4), Encoding::Linear);
+        let h = 1e-3;
+        for t in [plain.as_ref().clone(), plain.transformed(turned)] {
+            let mut n = 0;
+            for i in 0..400 {
+                let uv = Vec2::new(i as f32 * 0.377 % 1.0, i as f32 * 0.233 % 1.0);
+                for (k, step) in [Vec2::X * h, Vec2::Y * h].into_iter().enumerate() {
+                    let (a, b, c) = (t.sample_rgba(uv - step), t.sample_rgba(uv), t.sample_rgba(uv + step));
+                    // Not across the edge between two bilinear patches.
+                    if (a + c - 2.0 * b).abs().max_element() > 1e-4 {
+                        continue;
+                    }
+                    n += 1;
+                    let slope = (c - a) / (2.0 * h);
+                    let error = (t.gradient(uv)[k] - slope).abs().max_element();
+                    assert!(error < 0.06, "{uv} {slope} {}", t.gradient(uv)[k]);
+                }
+            }
+            assert!(n > 400, "{n}");
+        }
+    }
+
+    #[test]
+    fn images_are_halved_until_they_fit_and_keep_their_linear_mean() {
+        let (mut big, mut small) =
+            (texture(noise(64, 32), Encoding::Srgb), texture(noise(8, 8), Encoding::Srgb));
+        let mut shared = Arc::new(big.transformed(Affine2::from_scale(Vec2::splat(2.0))));
+        let before = big.clone();
+        let bytes = |w: u64, h: u64| 4 * w * h;
+        let warnings = fit(&mut [&mut big, &mut small, &mut shared], bytes(16, 8) + bytes(8, 8));
+        assert_eq!((big.size(), small.size(), shared.size()), ([16, 8], [8, 8], [16, 8]));
+        assert!(Arc::ptr_eq(&big.image, &shared.image) && shared.transform != big.transform);
+        assert_eq!(warnings.len(), 1);
+        assert!(warnings[0].contains("from 64 x 32 to 16 x 8"), "{warnings:?}");
+        let mean = |t: &Texture| {
+            let [w, h] = t.size();
+            (0..w * h).map(|i| Vec4::from_array(t.texel(i % w, i / w))).sum::<Vec4>() / (w * h) as f32
+        };
+        // Rounded to 8 bits twice: at most half a step of the encoding each, and at random.
+        let error = (mean(&before) - mean(&big)).abs().max_element();
+        assert!(error < 1e-3, "{error}");
+        assert!(fit(&mut [&mut big, &mut small, &mut shared], 1 << 20).is_empty());
+    }
 }

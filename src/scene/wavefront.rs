@@ -7,8 +7,8 @@
 //! left: absolute indices, triangles, one name per part.
 //!
 //! # References
-//! *Advanced Visualizer* manual, appendix B1 (OBJ); Alias *MTL Material
-//! Format* (MTL). Triangulation: \[Meisters75\] (two ears theorem).
+//! *Advanced Visualizer* manual, appendix B1. Triangulation: \[Meisters75\] (two
+//! ears theorem).
 
 use std::{borrow::Cow, collections::HashMap, fmt::Write as _};
 
@@ -62,7 +62,7 @@ pub struct PlainObj {
 
 /// Splits into lines without comments, joining those that end in `\`;
 /// numbered from 1.
-fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let mut physical = text.trim_start_matches('\u{feff}').lines().enumerate();
     std::iter::from_fn(move || {
         let (i, first) = physical.next()?;
@@ -80,13 +80,13 @@ fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
 }
 
 /// Keyword and rest of a line.
-fn split_keyword(line: &str) -> (&str, &str) {
+pub(super) fn split_keyword(line: &str) -> (&str, &str) {
     let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
     (keyword, rest.trim())
 }
 
 /// Up to `N` numbers and how many there are; a comment may follow.
-fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), String> {
+pub(super) fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), String> {
     let mut out = [0.0; N];
     let mut n = 0;
     for word in without_comment(rest).split_whitespace() {
@@ -303,130 +303,6 @@ fn triangulate(p: &[Vec3]) -> Vec<[usize; 3]> {
     out
 }
 
-/// Checks an MTL and makes it plain; also returns facts that a user should
-/// hear of.
-///
-/// # Errors
-/// With the first line that cannot be understood.
-pub fn plain_mtl(text: &str) -> Result<(String, Vec<String>), LineError> {
-    let mut out = String::new();
-    let mut warnings = Vec::new();
-    let mut ignored: Vec<String> = Vec::new();
-    let mut material = None;
-    for (line, content) in logical_lines(text) {
-        let (keyword, rest) = split_keyword(&content);
-        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
-        let key = keyword.to_lowercase();
-        if key == "newmtl" {
-            if rest.is_empty() {
-                return Err(fail("needs a name".into()));
-            }
-            push(&mut out, format_args!("newmtl {rest}\n"));
-            material = Some(rest.to_owned());
-            continue;
-        }
-        let Some(material) = &material else { return Err(fail("stands before any `newmtl`".into())) };
-        let finite = |v: &[f32]| match v.iter().find(|x| !x.is_finite()) {
-            Some(x) => Err(fail(format!("must be finite, got {x}"))),
-            None => Ok(()),
-        };
-        match key.as_str() {
-            "kd" | "ks" | "ke" => {
-                let (c, n) = numbers::<3>(rest).map_err(fail)?;
-                finite(&c)?;
-                let c = match n {
-                    1 => [c[0]; 3],
-                    3 => c,
-                    _ => return Err(fail(format!("needs 3 numbers, got {n}"))),
-                };
-                if key != "ke" {
-                    let name = if key == "kd" { "Kd" } else { "Ks" };
-                    push(&mut out, format_args!("{name} {} {} {}\n", c[0], c[1], c[2]));
-                } else if c != [0.0; 3] {
-                    warnings.push(format!(
-                        "material `{material}`: emission `Ke` is ignored; add a light to the sidecar"
-                    ));
-                }
-            }
-            "ns" | "ni" | "pr" | "pm" | "illum" | "d" | "tr" => {
-                let ([v], n) = numbers::<1>(rest.trim_start_matches("-halo")).map_err(fail)?;
-                finite(&[v])?;
-                if n == 0 {
-                    return Err(fail("needs a number".into()));
-                }
-                let name = match key.as_str() {
-                    "ns" => "Ns",
-                    "ni" => "Ni",
-                    "pr" => "Pr",
-                    "pm" => "Pm",
-                    "illum" => {
-                        if !(0.0..=10.0).contains(&v) {
-                            return Err(fail(format!("must be 0 to 10, got {v}")));
-                        }
-                        push(&mut out, format_args!("illum {}\n", v.round()));
-                        continue;
-                    }
-                    _ => {
-                        let opaque = if key == "d" { 1.0 } else { 0.0 };
-                        if v != opaque {
-                            warnings.push(format!(
-                                "material `{material}`: transparency `{keyword}` is ignored; glass is \
-                                 `illum` 4, 6, 7 or 9"
-                            ));
-                        }
-                        continue;
-                    }
-                };
-                push(&mut out, format_args!("{name} {v}\n"));
-            }
-            "map_kd" => {
-                let (file, had_options) = without_options(rest);
-                if file.is_empty() {
-                    return Err(fail("needs a file".into()));
-                }
-                if had_options {
-                    warnings.push(format!("material `{material}`: the options of `map_Kd` are ignored"));
-                }
-                push(&mut out, format_args!("map_Kd {file}\n"));
-            }
-            _ if is_other_map(&key) && !ignored.contains(&key) => {
-                warnings.push(format!("material `{material}`: `{keyword}` is ignored"));
-                ignored.push(key);
-            }
-            _ => {}
-        }
-    }
-    Ok((out, warnings))
-}
-
-/// Whether a key of an MTL, in lower case, names a map other than `map_Kd`.
-fn is_other_map(key: &str) -> bool {
-    key.starts_with("map_") || ["bump", "norm", "disp", "decal", "refl"].contains(&key)
-}
-
-/// The file name after the options of a texture map, and whether there were any.
-fn without_options(rest: &str) -> (&str, bool) {
-    let mut file = rest;
-    while let Some(option) = file.split_whitespace().next().filter(|w| w.starts_with('-')) {
-        let (least, most) = match option {
-            "-s" | "-o" | "-t" => (1, 3),
-            "-mm" => (2, 2),
-            "-blendu" | "-blendv" | "-cc" | "-clamp" | "-texres" | "-bm" | "-boost" | "-imfchan"
-            | "-type" => (1, 1),
-            _ => break,
-        };
-        file = file[option.len()..].trim_start();
-        for i in 0..most {
-            let Some(word) = file.split_whitespace().next() else { break };
-            if i >= least && word.parse::<f32>().is_err() {
-                break;
-            }
-            file = file[word.len()..].trim_start();
-        }
-    }
-    (file, file.len() < rest.len())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -455,13 +331,5 @@ mod tests {
         let lines: Vec<_> =
             lines.iter().map(|(n, l)| (*n, l.split_whitespace().collect::<Vec<_>>())).collect();
         assert_eq!(lines, [(2, vec!["v", "1", "2", "3"]), (5, vec!["f", "1"])]);
-    }
-
-    #[test]
-    fn options_of_a_map_are_told_from_its_file() {
-        assert_eq!(without_options("a b.png"), ("a b.png", false));
-        assert_eq!(without_options("-s 1 2 -clamp on a.png"), ("a.png", true));
-        assert_eq!(without_options("-o 1 1 1 -bm 2 a.png"), ("a.png", true));
-        assert_eq!(without_options("-odd.png"), ("-odd.png", false));
     }
 }

@@ -1,10 +1,11 @@
 //! OBJ, MTL and textures.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use lightopt_embree::scene::{
-    SceneError, builder,
-    material::Model,
+    Material, SceneError, builder,
+    material::{Coats, MaterialParams, Model, Relief},
     obj::{self, ObjScene},
+    texture::ScalarMap,
 };
 
 use crate::room::{MTL, OBJ, Room, TOML};
@@ -188,6 +189,7 @@ fn mtl_maps_to_models_as_documented() {
     is("Kd 0.7 0.2 0.1\nKs 1 1 1\nNi 1\n", Model::Plastic, red, 0.5, 1.5);
     is("Kd 0.7 0.2 0.1\nPm 1\nPr 0.2\n", Model::Conductor, red, 0.2, 1.5);
     is("Kd 0.7 0.2 0.1\nPm 0.4\n", Model::Diffuse, red, 0.5, 1.5);
+    assert_eq!(material("Kd 0.7 0.2 0.1\nPm 0.4\n").0.metallic, 0.4);
     is("Kd 0 0 0\nKs 0.7 0.2 0.1\nillum 3\nPr 0\n", Model::Conductor, red, 0.0, 1.5);
     is("Kd 0.7 0.2 0.1\nKs 1 1 1\nillum 3\nPr 0.1\n", Model::Plastic, red, 0.1, 1.5);
     for illum in [4, 6, 7, 9] {
@@ -197,9 +199,11 @@ fn mtl_maps_to_models_as_documented() {
 
     for (body, wanted) in [
         ("Kd 1.2 0 0\n", "Kd [1.2, 0, 0] is outside [0, 1]"),
-        ("Ke 5 5 5\n", "`Ke` is ignored"),
-        ("d 0.5\n", "transparency `d` is ignored"),
-        ("map_Bump a.png\n", "`map_Bump` is ignored"),
+        ("d 0\n", "is invisible, says its `d`"),
+        ("Tr 1\n", "is invisible, says its `Tr`"),
+        ("disp a.png\n", "`disp` is ignored"),
+        ("map_Bump a.png\n", "a.png`; the map is left out"),
+        ("Pc 0.5\n", "`Pc` is ignored"),
     ] {
         let (_, warnings) = material(body);
         assert_eq!(warnings.len(), 1, "{body}: {warnings:?}");
@@ -223,16 +227,20 @@ fn textures_are_found_beside_the_scene() {
         let [r, g, b] = texel(&format!("newmtl m\nmap_Kd {name}\n")).unwrap();
         assert!((r, b) == (1.0, 0.0) && (g - 0.5).abs() < 0.01, "{name}: {r} {g} {b}");
     }
-    let missing = texel("newmtl m\nmap_Kd no.png\n").unwrap_err().to_string();
-    assert!(missing.ends_with("no.png: cannot read the texture (`map_Kd` of material `m`)"), "{missing}");
+    // As it was on another machine, in quotes, in other letter case.
+    for name in [r"C:\Users\me\B.JPG", "/home/me/textures/b.jpg", "\"b.jpg\"", "../b.jpg"] {
+        assert_eq!(texel(&format!("newmtl m\nmap_Kd {name}\n")).unwrap()[0], 1.0, "{name}");
+    }
 
     let room = Room::with(
         &obj,
         "newmtl m\nmap_Kd no.png\n",
         &TOML.replace("objects = [\"box\"]", "materials = [\"m\"]"),
     );
-    let error = room.fail_at_once(&["render", "room.obj", "-o", "a.png"]);
-    assert!(error.contains("no.png: cannot read the texture") && error.contains("No such file"), "{error}");
+    let s = obj::load(&room.path("room.obj"), CREASE).unwrap();
+    assert_eq!(s.warnings.len(), 1);
+    assert!(s.warnings[0].contains("material `m`: `map_Kd`: no file `") && s.warnings[0].contains("no.png`"));
+    assert!(s.materials[0].1.texture.is_none() && s.materials[0].1.base_color.x == 0.8);
     room.write("no.png", "no picture");
     let error = room.fail_at_once(&["render", "room.obj", "-o", "a.png"]);
     assert!(error.contains("no.png: cannot read the texture"), "{error}");
@@ -332,4 +340,201 @@ fn what_is_no_scene_is_one_line() {
             assert!(error.contains(wanted), "wanted `{wanted}` in: {error}");
         }
     }
+}
+
+/// The material `m` of an MTL, with images beside it, and the warnings.
+fn textured(mtl: &str, images: &[(&str, image::DynamicImage)]) -> (MaterialParams, Vec<String>) {
+    let obj = format!("mtllib room.mtl\n{SQUARE}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
+    let room = Room::with(&obj, mtl, TOML);
+    for (name, image) in images {
+        image.save(room.path(name)).unwrap();
+    }
+    let s = obj::load(&room.path("room.obj"), CREASE).unwrap_or_else(|e| panic!("{mtl}: {e}"));
+    (s.materials[0].1.clone(), s.warnings)
+}
+
+fn flat(rgba: [u8; 4]) -> image::DynamicImage {
+    image::RgbaImage::from_pixel(2, 2, image::Rgba(rgba)).into()
+}
+
+#[test]
+fn maps_and_numbers_of_an_mtl_reach_the_material() {
+    let gray = ("g.png", flat([128, 128, 128, 255]));
+    let half = 128.0 / 255.0;
+    let of = |body: &str| {
+        let (p, warnings) = textured(&format!("newmtl m\n{body}"), std::slice::from_ref(&gray));
+        assert!(warnings.is_empty(), "{body}: {warnings:?}");
+        p
+    };
+    let value = |map: &Option<ScalarMap>| map.as_ref().map(|m| m.sample(Vec2::ZERO));
+    let p = of("Ks .5 .5 .5\nmap_Ks g.png\nPr 0.1\nmap_Pr g.png\nPm 0\nmap_Pm g.png\n");
+    assert_eq!((p.model, p.specular, p.roughness, p.metallic), (Model::Plastic, 1.0, 1.0, 1.0));
+    assert_eq!([&p.specular_map, &p.roughness_map, &p.metallic_map].map(value), [Some(half); 3]);
+    let p = of("Kd 0 0 0\nKs 1 .5 .5\nillum 3\nmap_Ks g.png\n");
+    assert!(p.model == Model::Conductor && p.base_color.y == 0.5);
+    assert!((p.texture.unwrap().sample(Vec2::ZERO).x - 0.216).abs() < 1e-3);
+    // An image without its number counts in full.
+    assert_eq!(of("map_Kd g.png\n").base_color.x, 1.0);
+    assert_eq!(of("Kd .5 .5 .5\nmap_Kd g.png\n").base_color.x, 0.5);
+    let p = of("Ke 3 2 1\n");
+    assert!(p.emission == Vec3::new(3.0, 2.0, 1.0) && p.emission_texture.is_none() && p.emission_two_sided);
+    assert!(
+        of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ZERO
+    );
+    assert_eq!((of("d 0.3\n").opacity, of("Tr 0.75\n").opacity), (0.3, 0.25));
+    assert_eq!((of("Tr 0.5\nd 1\n").opacity, of("d -1\n").opacity), (1.0, 1.0));
+    let p = of("illum 7\nd 0.3\nmap_d g.png\n");
+    assert!(p.model == Model::Dielectric && p.opacity == 1.0 && p.opacity_map.is_none());
+    let p = of("map_Kd -s 2 4 -o 0.25 g.png\n");
+    let t = p.texture.unwrap().transform();
+    assert_eq!(t.transform_point2(Vec2::ONE), Vec2::new(2.25, 4.0));
+}
+
+#[test]
+fn opacity_is_the_alpha_that_varies_or_else_the_red() {
+    let mut leaf = image::RgbaImage::from_pixel(2, 2, image::Rgba([40, 200, 10, 255]));
+    leaf.put_pixel(0, 0, image::Rgba([40, 200, 10, 0]));
+    let images = [("leaf.png", leaf.into()), ("mask.png", flat([51, 0, 0, 255]))];
+    let (p, warnings) = textured("newmtl m\nmap_Kd leaf.png\nmap_d leaf.png\nd 0.5\n", &images);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let m = Material::new("m".into(), p, &mut Coats::default());
+    let (hole, leaf) = (m.opacity(Vec2::new(0.25, 0.75)), m.opacity(Vec2::new(0.75, 0.25)));
+    assert!(m.is_translucent() && hole == 0.0 && leaf == 0.5, "{hole} {leaf}");
+    let (p, _) = textured("newmtl m\nmap_d mask.png\n", &images);
+    assert!((p.opacity_map.unwrap().sample(Vec2::ZERO) - 0.2).abs() < 1e-6);
+    let (p, _) = textured("newmtl m\nmap_d -imfchan g mask.png\n", &images);
+    assert_eq!(p.opacity_map.unwrap().sample(Vec2::ZERO), 0.0);
+    // A mask without holes costs nothing.
+    let (p, _) = textured("newmtl m\nmap_d white.png\n", &[("white.png", flat([255; 4]))]);
+    assert!(!Material::new("m".into(), p, &mut Coats::default()).is_translucent());
+}
+
+#[test]
+fn bump_maps_that_hold_normals_are_told_from_heights() {
+    let images = [("n.png", flat([120, 135, 250, 255])), ("h.png", flat([200, 200, 200, 255]))];
+    let of = |body: &str| textured(&format!("newmtl m\n{body}"), &images).0.relief;
+    let normals = |r: Option<Relief>| match r {
+        Some(Relief::NormalMap { scale, .. }) => scale,
+        r => panic!("{r:?}"),
+    };
+    let heights = |r: Option<Relief>| match r {
+        Some(Relief::BumpMap { scale, .. }) => scale,
+        r => panic!("{r:?}"),
+    };
+    assert_eq!(normals(of("map_Bump -bm 0.7 n.png\n")), 0.7);
+    assert_eq!(normals(of("norm h.png\n")), 1.0);
+    assert_eq!(heights(of("bump h.png\n")), 0.01);
+    assert_eq!(heights(of("map_bump -bm 4 h.png\n")), 0.04);
+    assert_eq!(heights(of("bump -imfchan b n.png\n")), 0.01);
+    assert!(of("bump -bm 0 h.png\n").is_none());
+}
+
+/// What Blender 4.2 and 2.9 write for known parameters of the principled shader.
+#[test]
+fn files_of_blender_mean_the_parameters_of_its_shader() {
+    let images = [("g.png", flat([128, 128, 128, 255]))];
+    let of = |header: &str, body: &str| {
+        let (p, warnings) = textured(&format!("{header}\n\nnewmtl m\n{body}"), &images);
+        assert!(warnings.is_empty(), "{body}: {warnings:?}");
+        p
+    };
+    const NEW: &str = "# Blender 4.2.0 MTL File: 'None'\n# www.blender.org";
+    const OLD: &str = "# Blender MTL File: 'None'\n# Material Count: 1";
+    // The default material: roughness 0.5, specular 0.5.
+    let body = "Ns 250.000000\nKa 1 1 1\nKd 0.8 0.8 0.8\nKs 0.5 0.5 0.5\nKe 0 0 0\nNi 1.45\nd 1\nillum 2\n";
+    let p = of(NEW, body);
+    assert_eq!((p.model, p.specular, p.metallic, p.opacity, p.ior), (Model::Plastic, 1.0, 0.0, 1.0, 1.45));
+    assert!((p.roughness - 0.5).abs() < 1e-6 && p.emission == Vec3::ZERO);
+    let p = of(OLD, &body.replace("250", "225"));
+    assert!((p.roughness - 0.5).abs() < 1e-6);
+    // Roughness 0.2, metallic 1; then 0.3.
+    let metal =
+        |ka: f32| format!("Ns 640\nKa {ka} {ka} {ka}\nKd 0.9 0.6 0.3\nKs 0.5 0.5 0.5\nd 1\nillum 3\n");
+    let p = of(NEW, &metal(1.0));
+    assert!(p.model == Model::Conductor && (p.roughness - 0.2).abs() < 1e-6);
+    let p = of(NEW, &metal(0.3));
+    assert!(p.model == Model::Plastic && p.metallic == 0.3);
+    assert_eq!(of(NEW, &format!("{}Pm 0.6\nPr 0.1\n", metal(0.3))).metallic, 0.6);
+    assert_eq!(of(NEW, &format!("{}Pm 0.6\nPr 0.1\n", metal(0.3))).roughness, 0.1);
+    // Alpha 0.4, which is no glass; transmission, which is.
+    let p = of(NEW, "Ns 250\nKa 1 1 1\nKd 0.8 0.8 0.8\nKs 0.5 0.5 0.5\nNi 1.45\nd 0.4\nillum 9\n");
+    assert!(p.model == Model::Plastic && p.opacity == 0.4);
+    let p = of(
+        NEW,
+        "Ns 250\nKa 1 1 1\nKd 1 1 1\nKs 0.5 0.5 0.5\nNi 1.33\nd 0.4\nillum 9\nPr 0\nPm 0\nPs 0\nPc 0\nPcr 0.03\nTf 1 1 1\naniso 0\nanisor 0\n",
+    );
+    assert!(p.model == Model::Dielectric && p.opacity == 1.0 && p.ior == 1.33 && p.roughness == 0.0);
+    // No specular; specular 0.2.
+    assert_eq!(of(NEW, "Ns 250\nKa 1 1 1\nKs 0 0 0\nillum 1\n").model, Model::Diffuse);
+    assert!((of(NEW, "Ka 1 1 1\nKs 0.2 0.2 0.2\nillum 2\n").specular - 0.4).abs() < 1e-6);
+    // Images stand for the numbers, which are then not written.
+    let p = of(
+        NEW,
+        "Ka 1 1 1\nNi 1.45\nd 1\nillum 2\nmap_Kd g.png\nmap_Ks g.png\nmap_Ns g.png\nmap_refl g.png\n",
+    );
+    assert_eq!((p.base_color.x, p.specular, p.roughness, p.metallic), (1.0, 2.0, 1.0, 1.0));
+    assert!(p.specular_map.is_some() && p.roughness_map.is_some() && p.metallic_map.is_some());
+    // Values that mean absent.
+    let p = of(
+        NEW,
+        "Ns -1\nKa -1 -1 -1\nKs -1 -1 -1\nd -1\nNi -1\nPm -1\nPr -1\nTf -1 -1 -1\nillum -1\n"
+            .replace("Ks -1 -1 -1\n", "")
+            .as_str(),
+    );
+    assert_eq!((p.model, p.roughness, p.metallic, p.opacity, p.ior), (Model::Plastic, 0.5, 0.0, 1.0, 1.5));
+}
+
+#[test]
+fn high_dynamic_range_images_are_textures() {
+    let (width, height) = (4, 3);
+    let image = image::Rgb32FImage::from_pixel(width, height, image::Rgb([7.5, 0.25, -1.0]));
+    let (p, warnings) = textured("newmtl m\nmap_Ke a.exr\n", &[("a.exr", image.into())]);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(p.emission_texture.unwrap().sample(Vec2::splat(0.4)), Vec3::new(7.5, 0.25, 0.0));
+}
+
+#[test]
+fn a_header_cannot_make_the_loader_allocate() {
+    // A PNG that claims 60000² texels of 16 bits.
+    let mut png = Vec::new();
+    image::RgbImage::new(1, 1)
+        .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+        .unwrap();
+    let crc = |data: &[u8]| {
+        !data.iter().fold(!0_u32, |c, &b| {
+            (0..8).fold(c ^ u32::from(b), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
+        })
+    };
+    png[16..24].copy_from_slice(&[0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60]);
+    png[24] = 16;
+    let sum = crc(&png[12..29]);
+    png[29..33].copy_from_slice(&sum.to_be_bytes());
+    let room = Room::with(
+        &format!("mtllib room.mtl\n{SQUARE}usemtl m\nf 1 2 3\n"),
+        "newmtl m\nmap_Kd a.png\n",
+        TOML,
+    );
+    room.write("a.png", png);
+    let e = obj::load(&room.path("room.obj"), CREASE).unwrap_err();
+    let text = format!("{e}: {}", std::error::Error::source(&e).map(ToString::to_string).unwrap_or_default());
+    assert!(text.contains("a.png: cannot read the texture") && text.contains("imit"), "{text}");
+}
+
+#[test]
+fn the_sidecar_overrides_what_the_mtl_says_of_a_material() {
+    let of = |mtl: &str, keys: &str| {
+        let mtl = MTL.replace("newmtl red\n", &format!("newmtl red\n{mtl}"));
+        let toml = format!("{TOML}\n[materials.red]\n{keys}\n");
+        let scene = builder::load(&Room::with(OBJ, &mtl, &toml).path("room.obj")).unwrap();
+        scene.materials.into_iter().find(|m| m.name == "red").unwrap()
+    };
+    let m = of("", "metallic = 0.25\nspecular = 0.5\nopacity = 0.75\nemission = [1, 2, 3]");
+    assert_eq!((m.metallic(), m.specular(), m.opacity(Vec2::ZERO)), (0.25, 0.5, 0.75));
+    assert!(m.is_translucent() && m.is_emissive() && m.emission_tint() == Vec3::new(1.0, 2.0, 3.0));
+    // A model is pure unless the sidecar itself says otherwise.
+    let m = of("Pm 0.4\nd 0.5\n", "model = \"dielectric\"");
+    assert!(m.model() == Model::Dielectric && !m.is_translucent());
+    let m = of("Pm 0.4\nd 0.5\n", "model = \"diffuse\"");
+    assert!(m.metallic() == 0.0 && m.opacity(Vec2::ZERO) == 0.5);
+    assert_eq!(of("", "model = \"plastic\"\nmetallic = 0.1").metallic(), 0.1);
 }

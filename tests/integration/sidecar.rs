@@ -155,6 +155,26 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
         ),
         (
             "[[lights]]",
+            "[materials.red]\nmetallic = -0.1\n[[lights]]",
+            "`materials.red.metallic`: must be in [0, 1], got -0.1",
+        ),
+        (
+            "[[lights]]",
+            "[materials.red]\nspecular = nan\n[[lights]]",
+            "`materials.red.specular`: must be in [0, 1], got NaN",
+        ),
+        (
+            "[[lights]]",
+            "[materials.red]\nopacity = 1.5\n[[lights]]",
+            "`materials.red.opacity`: must be in [0, 1], got 1.5",
+        ),
+        (
+            "[[lights]]",
+            "[materials.red]\nemission = [1, -1, 0]\n[[lights]]",
+            "`materials.red.emission`: channels must be >= 0, got [1.0, -1.0, 0.0]",
+        ),
+        (
+            "[[lights]]",
             "[materials.red]\nbase_color = [2, 0, 0]\n[[lights]]",
             "`materials.red.base_color`: channels",
         ),

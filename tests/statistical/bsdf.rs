@@ -5,7 +5,7 @@ use std::{f64::consts::PI, sync::LazyLock};
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Bsdf, Coat, Conductor, Dielectric, Diffuse, Plastic,
+        Blend, Bsdf, Coat, CoatPoint, Conductor, Dielectric, Diffuse, Plastic,
         TransportMode::{self, Importance, Radiance},
         fresnel,
         microfacet::Ggx,
@@ -16,7 +16,7 @@ use lightopt_embree::{
     },
     scene::{
         Material,
-        material::{Coats, Model},
+        material::{Coats, MaterialParams, Model},
     },
 };
 
@@ -48,6 +48,14 @@ struct Case {
 static COATS: LazyLock<Vec<(Option<f32>, Coat)>> = LazyLock::new(|| {
     [None, Some(0.05), Some(0.25), Some(0.8)].map(|alpha| (alpha, Coat::new(ETA, alpha))).into()
 });
+
+/// A coat whose roughness varies.
+static ANY_COAT: LazyLock<Coat> = LazyLock::new(|| Coat::of_any_roughness(ETA));
+
+/// Where its slope is `alpha`.
+fn any_coat(alpha: f32) -> CoatPoint<'static> {
+    ANY_COAT.at(alpha)
+}
 
 fn direction(degrees: f32, phi: f32) -> Vec3 {
     let (sin, cos) = degrees.to_radians().sin_cos();
@@ -109,8 +117,29 @@ fn plastic() -> Vec<Case> {
         .collect()
 }
 
+/// Mixtures: smooth and rough, with and without coat, of one roughness and of any.
+fn blend() -> Vec<Case> {
+    let coated = COATS.iter().map(|(alpha, coat)| (*alpha, Some(coat.constant()), "coat"));
+    let varying = [0.03, 0.15].map(|alpha| (Some(alpha), Some(any_coat(alpha)), "varying coat"));
+    let bare = [None, Some(0.25)].map(|alpha| (alpha, None, "bare"));
+    coated
+        .chain(varying)
+        .chain(bare)
+        .map(|(alpha, coat, kind)| Case {
+            name: format!("blend, {kind} {alpha:?}"),
+            alpha,
+            bsdf: blend_of(Rgb::new(0.8, 0.4, 0.1), 0.3, coat, alpha),
+            wo: directions(),
+        })
+        .collect()
+}
+
+fn blend_of(color: Rgb, metallic: f32, coat: Option<CoatPoint<'_>>, alpha: Option<f32>) -> Bsdf<'_> {
+    Bsdf::Blend(Blend::new(color, metallic, 0.6, coat, alpha.map(Ggx::new)))
+}
+
 fn all() -> Vec<Case> {
-    [diffuse(), conductor(), dielectric(), plastic()].into_iter().flatten().collect()
+    [diffuse(), conductor(), dielectric(), plastic(), blend()].into_iter().flatten().collect()
 }
 
 /// Tests of one kind over all models.
@@ -233,6 +262,11 @@ fn plastic_samples_follow_their_density() {
     check(&plastic());
 }
 
+#[test]
+fn blend_samples_follow_their_density() {
+    check(&blend());
+}
+
 /// Samples of `bsdf` against a density that is not theirs.
 fn p_value_of(bsdf: &Bsdf, wo: Vec3, density: impl Fn(Vec3) -> f32) -> f64 {
     let mut random = Random::new(&[2]);
@@ -276,6 +310,13 @@ fn wrong_densities_are_rejected() {
     // Refraction's Jacobian without its η².
     let refraction = |wi: Vec3| glass.pdf(wo, wi).0 / if wi.z < 0.0 { ETA * ETA } else { 1.0 };
     assert!(p_value_of(&glass, wo, refraction) < level);
+
+    let (coat, color) = (Some(any_coat(0.25)), Rgb::new(0.8, 0.4, 0.1));
+    let blend = blend_of(color, 0.3, coat, Some(0.25));
+    assert!(p_value_of(&blend, wo, |wi| blend.pdf(wo, wi).0) > level);
+    // Lobes chosen as if there were a little more metal.
+    let metal = blend_of(color, 0.33, coat, Some(0.25));
+    assert!(p_value_of(&blend, wo, |wi| metal.pdf(wo, wi).0) < level);
 }
 
 /// Weights f·cos/pdf of the lobes that `uc` = 0 and `uc` → 1 choose, with their probabilities.
@@ -317,9 +358,10 @@ fn smooth_models_without_absorption_lose_nothing() {
             assert!((lobes.iter().map(|l| l.1).sum::<f64>() - 1.0).abs() < 1e-6);
         }
     }
-    // Diffuse under a smooth coat: the base returns all that enters.
-    let bsdf = Bsdf::Plastic(Plastic::new(Rgb::ONE, &COATS[0].1));
-    for wo in directions() {
+    // Diffuse under a smooth coat, also in part and with metal: the base returns all that enters.
+    let plastic = Bsdf::Plastic(Plastic::new(Rgb::ONE, &COATS[0].1));
+    let blend = blend_of(Rgb::ONE, 0.3, Some(COATS[0].1.constant()), None);
+    for (wo, bsdf) in directions().into_iter().flat_map(|wo| [(wo, plastic), (wo, blend)]) {
         let coat = lobes(&bsdf, wo, Radiance).iter().map(|l| l.0).sum::<f64>();
         let side = f64::from(wo.z.signum());
         let base = integrate_1d(0.0, 1.0, 64, |mu| {
@@ -342,14 +384,17 @@ fn white_rough_models_gain_nothing() {
         let mirror = Bsdf::Conductor(Conductor { f0: Rgb::ONE, ggx });
         let coat = Coat::new(ETA, Some(alpha));
         let white = Bsdf::Plastic(Plastic::new(Rgb::ONE, &coat));
+        let varying = any_coat(alpha);
+        let any = Bsdf::Plastic(Plastic { albedo: Rgb::ONE, sampling_albedo: 1.0, coat: varying });
+        let blend = blend_of(Rgb::ONE, 0.3, Some(varying), Some(alpha));
         for wo in directions() {
-            for bsdf in [&mirror, &white] {
+            for bsdf in [&mirror, &white, &any, &blend] {
                 let mut m = Moments::default();
                 for _ in 0..N / 8 {
                     let s = bsdf.sample(wo, random.next(), random.next_2d(), Radiance);
                     m.push(s.map_or(0.0, |s| f64::from(s.f.x * s.wi.z.abs() / s.pdf.0)));
                 }
-                let bound = 1.0 + sidak_z(0.01, 30) * m.variance_of_mean().sqrt() + 1e-5;
+                let bound = 1.0 + sidak_z(0.01, 60) * m.variance_of_mean().sqrt() + 1e-5;
                 assert!(m.mean() <= bound, "alpha {alpha} {wo}: {}", m.mean());
             }
         }
@@ -545,7 +590,8 @@ fn scattering_is_affine_in_the_base_colour() {
         }
         let a = Rgb::new(random.next(), random.next(), random.next());
         for (_, coat) in COATS.iter() {
-            let plastic = |albedo: Rgb| Bsdf::Plastic(Plastic { albedo, sampling_albedo: 0.7, coat });
+            let plastic =
+                |albedo: Rgb| Bsdf::Plastic(Plastic { albedo, sampling_albedo: 0.7, coat: coat.constant() });
             let f = |albedo: Rgb| plastic(albedo).f(wo, wi, Radiance);
             let (coat_only, body) = (f(Rgb::ZERO), f(Rgb::ONE) - f(Rgb::ZERO));
             let (value, sum) = (f(a), coat_only + a * body);
@@ -553,24 +599,33 @@ fn scattering_is_affine_in_the_base_colour() {
             // Sampling looks at `sampling_albedo` alone.
             assert_eq!(plastic(a).pdf(wo, wi), plastic(Rgb::ZERO).pdf(wo, wi));
         }
+        let blend = |color: Rgb| {
+            let (ggx, coat) = (Some(Ggx::new(0.15)), Some(any_coat(0.15)));
+            Bsdf::Blend(Blend { color, sampling_color: 0.7, metallic: 0.3, specular: 0.6, coat, ggx })
+        };
+        let f = |color: Rgb| blend(color).f(wo, wi, Radiance);
+        let (value, sum) = (f(a), f(Rgb::ZERO) + a * (f(Rgb::ONE) - f(Rgb::ZERO)));
+        assert!((value - sum).abs().max_element() <= 2e-6 * f(Rgb::ONE).x, "{value} {sum}");
+        assert_eq!(blend(a).pdf(wo, wi), blend(Rgb::ZERO).pdf(wo, wi));
         let f = |f0: Rgb| rough(f0).f(wo, wi, Radiance);
         let (value, sum) = (f(a), f(Rgb::ZERO) + a * (f(Rgb::ONE) - f(Rgb::ZERO)));
         assert!((value - sum).abs().max_element() <= 2e-6 * f(Rgb::ONE).x, "{value} {sum}");
         assert_eq!(rough(a).pdf(wo, wi), rough(Rgb::ONE).pdf(wo, wi));
         // Also of a material whose value changes, down to none.
-        let material = |value: f32| {
-            let mut m = Material::new(
-                "varnish".into(),
-                params(Model::Plastic, [0.6, 0.3, 0.1], 0.4),
-                &mut Coats::default(),
-            );
-            m.set_value(value, 1.5);
-            m
-        };
-        let pdf = |value: f32| material(value).bsdf(Vec2::ZERO).pdf(wo, wi);
         if i == 0 {
-            assert!((pdf(0.0).0 / pdf(1.5).0 - 1.0).abs() < 1e-5, "{:?} {:?}", pdf(0.0), pdf(1.5));
-            assert!((pdf(0.5).0 / pdf(1.5).0 - 1.0).abs() < 1e-5);
+            for (metallic, specular) in [(0.0, 1.0), (0.3, 0.6)] {
+                let params =
+                    MaterialParams { metallic, specular, ..params(Model::Plastic, [0.6, 0.3, 0.1], 0.4) };
+                let mut material = Material::new("varnish".into(), params, &mut Coats::default());
+                let mut of = |value: f32| {
+                    material.set_value(value, 1.5);
+                    let bsdf = material.bsdf(Vec2::ZERO);
+                    (bsdf.pdf(wo, wi).0, bsdf.f(wo, wi, Radiance))
+                };
+                let (none, half, full) = (of(0.0), of(0.75), of(1.5));
+                assert!((none.0 / full.0 - 1.0).abs() < 1e-5 && (half.0 / full.0 - 1.0).abs() < 1e-5);
+                assert!((half.1 - 0.5 * (none.1 + full.1)).abs().max_element() < 1e-6 * full.1.x);
+            }
         }
         // Schlick's form itself, on which it rests.
         let c = wo.z.abs();

@@ -12,8 +12,9 @@ use lightopt_embree::{
     math::Rgb,
     scene::{
         Material, Mesh, Scene,
-        material::{Coats, MaterialParams, Model},
+        material::{Coats, MaterialParams, Model, Relief},
         mesh::face_normal,
+        texture::{Channel, Encoding, ScalarMap, Texture},
     },
 };
 
@@ -339,7 +340,7 @@ pub fn out_of_focus(size: (u32, u32)) -> Scene {
 type Make = fn((u32, u32)) -> Scene;
 
 /// Every kind of material, light and camera.
-pub const ALL: [Make; 11] = [
+pub const ALL: [Make; 12] = [
     cornell,
     smooth_sphere,
     rough_glass,
@@ -351,4 +352,67 @@ pub const ALL: [Make; 11] = [
     shining_meshes,
     veils,
     out_of_focus,
+    normal_mapped,
 ];
+
+/// An image of linear numbers, 16 bits a channel, of `f` at the texels' centres (v up).
+pub fn image(size: u32, f: impl Fn(Vec2) -> [f32; 4]) -> Arc<Texture> {
+    let texel = |x: u32, y: u32| {
+        let uv = Vec2::new(x as f32 + 0.5, (size - y) as f32 - 0.5) / size as f32;
+        image::Rgba(f(uv).map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16))
+    };
+    let image = image::DynamicImage::ImageRgba16(image::ImageBuffer::from_fn(size, size, texel));
+    Arc::new(Texture::from_image(image, Encoding::Linear).unwrap())
+}
+
+pub fn scalar(texture: &Arc<Texture>, channel: Channel) -> ScalarMap {
+    ScalarMap { texture: texture.clone(), channel }
+}
+
+/// Steep waves as a normal map.
+pub fn waves(size: u32) -> Relief {
+    let texture = image(size, |uv| {
+        let slope = Vec2::new((4.0 * PI * uv.x).sin(), (6.0 * PI * uv.y).cos());
+        let n = (slope * 1.2).extend(1.0).normalize();
+        ((n + Vec3::ONE) / 2.0).extend(1.0).to_array()
+    });
+    Relief::NormalMap { texture, scale: 1.0 }
+}
+
+/// Walls with steep waves, a bumpy table of varying metal, coat and roughness,
+/// and wavy glass.
+pub fn normal_mapped(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    let dots = image(16, |uv| [uv.x, (8.0 * uv.x).fract().round(), (3.0 * uv.y).sin().abs(), 1.0]);
+    let mut coats = Coats::default();
+    let mut add = |name: &str, params| m.push(Material::new(name.into(), params, &mut coats));
+    add("wavy", MaterialParams { relief: Some(waves(32)), ..params(Model::Diffuse, [0.7, 0.6, 0.5], 0.0) });
+    let table = MaterialParams {
+        roughness_map: Some(scalar(&dots, Channel::R)),
+        specular_map: Some(scalar(&dots, Channel::B)),
+        metallic: 1.0,
+        metallic_map: Some(scalar(&dots, Channel::G)),
+        relief: Some(Relief::BumpMap { height: scalar(&dots, Channel::B), scale: 0.3 }),
+        ..params(Model::Plastic, [0.8, 0.5, 0.2], 0.8)
+    };
+    add("table", table);
+    add("glass", MaterialParams { relief: Some(waves(16)), ..params(Model::Dielectric, [1.0; 3], 0.4) });
+    s.quad(Vec3::new(-0.9, 0.1, -0.95), Vec3::X * 1.8, Vec3::Y * 1.7, 3);
+    s.quad(Vec3::new(-0.9, 0.3, 0.9), Vec3::X * 1.8, -Vec3::Z * 1.6, 4);
+    s.quad(Vec3::new(-0.4, 0.5, 0.3), Vec3::X * 0.8, Vec3::new(0.0, 0.8, -0.2), 5);
+    finish("normal_mapped", s, m, vec![ceiling_light()], size)
+}
+
+/// Inside a closed box whose walls have steep waves, lit from outside only.
+pub fn dark_box(size: (u32, u32)) -> Scene {
+    let mut s = Shapes::default();
+    s.cuboid(Vec3::splat(-1.0), Vec3::ONE, true, 0);
+    let walls = MaterialParams { relief: Some(waves(32)), ..params(Model::Plastic, [0.9; 3], 0.5) };
+    let walls = Material::new("walls".into(), walls, &mut Coats::default());
+    let lights = vec![
+        rectangle("sun", Vec3::new(0.3, 4.0, 0.2), Vec3::NEG_Y, 2.0, 2.0),
+        sphere_light("lamp", Vec3::new(2.5, 0.1, 0.3), 0.5),
+    ];
+    let camera = camera(Vec3::new(0.1, -0.2, 0.3), Vec3::new(0.6, 0.4, -0.2), 100.0, size);
+    Scene::new("dark_box", s.mesh, vec![walls], lights, camera).unwrap()
+}
