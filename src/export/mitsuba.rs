@@ -29,7 +29,7 @@ mod materials;
 
 use std::{fmt::Write as _, fs, io::Write as _, path::Path};
 
-use glam::Vec3;
+use glam::{Affine2, Vec2, Vec3};
 
 use self::materials::Compensations;
 pub use self::materials::compensation;
@@ -106,7 +106,7 @@ impl Export<'_> {
             return Ok(());
         }
         let stem = format!("{index:02}_{}", plain(&material.name));
-        let bsdf = self.bsdf(material, &stem)?;
+        let bsdf = self.bsdf(material, &part, &stem)?;
         let Some((emitter, two_sided)) = self.mesh_emitter(scene, index, &stem)? else {
             return self.ply(&part, &stem, &bsdf, "");
         };
@@ -167,13 +167,30 @@ impl Export<'_> {
     }
 }
 
-/// A bitmap's texture element under a parameter's name.
-fn bitmap(name: &str, file: &str) -> String {
+/// A bitmap's texture element under a parameter's name. `transform` maps the
+/// surface's texture coordinates to the image's, v up.
+fn bitmap(name: &str, file: &str, transform: Affine2) -> String {
+    let to_uv = if transform == Affine2::IDENTITY {
+        String::new()
+    } else {
+        // v runs down in the exported mesh and in Mitsuba's images.
+        let flip = Affine2::from_cols(Vec2::X, Vec2::NEG_Y, Vec2::Y);
+        let t = flip * transform * flip;
+        format!(
+            "    <transform name=\"to_uv\"><matrix value=\"{} {} 0 {} {} {} 0 {} 0 0 1 0 0 0 0 1\"/></transform>\n",
+            t.matrix2.x_axis.x,
+            t.matrix2.y_axis.x,
+            t.translation.x,
+            t.matrix2.x_axis.y,
+            t.matrix2.y_axis.y,
+            t.translation.y
+        )
+    };
     format!(
-        "<texture type=\"bitmap\" name=\"{name}\">\n                \
-         <string name=\"filename\" value=\"{file}\"/>\n                \
-         <boolean name=\"raw\" value=\"true\"/>\n                \
-         <string name=\"format\" value=\"variant\"/>\n            </texture>"
+        "<texture type=\"bitmap\" name=\"{name}\">\n    \
+         <string name=\"filename\" value=\"{file}\"/>\n    \
+         <boolean name=\"raw\" value=\"true\"/>\n    \
+         <string name=\"format\" value=\"variant\"/>\n{to_uv}</texture>\n"
     )
 }
 

@@ -54,6 +54,35 @@ impl Part {
         face_normal(triangle.map(|i| self.vertices[i as usize].0)).normalize_or_zero()
     }
 
+    /// Number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Derivatives of the position by u and v (up) over a triangle.
+    fn derivatives(&self, triangle: &[u32; 3]) -> Option<[Vec3; 2]> {
+        let [(a, _, ua), (b, _, ub), (c, _, uc)] = triangle.map(|i| self.vertices[i as usize]);
+        let (p, q) = (ub - ua, uc - ua);
+        let determinant = p.perp_dot(q);
+        let d =
+            [((b - a) * q.y - (c - a) * p.y) / determinant, ((c - a) * p.x - (b - a) * q.x) / determinant];
+        Some(d).filter(|d| d.iter().all(|v| v.is_finite()))
+    }
+
+    /// Triangles on which images are mirrored.
+    pub(super) fn mirrored(&self) -> usize {
+        let is_mirrored = |t: &&[u32; 3]| {
+            self.derivatives(t).is_some_and(|[du, dv]| du.cross(dv).dot(self.vertices[t[0] as usize].1) < 0.0)
+        };
+        self.triangles.iter().filter(is_mirrored).count()
+    }
+
+    /// Least and largest width of an image on the triangles, metres.
+    pub(super) fn widths(&self) -> [f32; 2] {
+        let widths = self.triangles.iter().filter_map(|t| Some(self.derivatives(t)?[0].length()));
+        widths.fold([f32::INFINITY, 0.0], |[lo, hi], w| [lo.min(w), hi.max(w)])
+    }
+
     /// Largest coordinate of a vertex.
     pub(super) fn reach(&self) -> f32 {
         self.vertices.iter().map(|v| v.0.abs().max_element()).fold(0.0, f32::max)

@@ -39,28 +39,31 @@ FIRST_SEED = 7000
 # Reference pictures: where, their size, and their samples over those of a comparison.
 REFERENCES = HERE / "references"
 REFERENCE_SIZE = "32x24"
-REFERENCE_FACTOR = 4
+REFERENCE_FACTOR = 8
 
 # Name: samples per pixel of a seed, ours and Mitsuba's. Noisy scenes have more.
 SCENES = {
-    "cornell": (256, 512),
-    "glossy_floor": (256, 512),
-    "smooth_plastic": (256, 512),
-    "rough_conductor": (256, 512),
-    "caustic": (256, 2048),
-    "smooth_glass": (256, 2048),
-    "rough_glass": (256, 1024),
-    "smooth_normals": (256, 512),
-    "lights_in_line": (256, 512),
-    "textured": (256, 512),
-    "point_light": (256, 512),
-    "environment": (256, 512),
-    "overcast": (256, 512),
-    "spot": (256, 512),
-    "sun": (256, 512),
-    "shining_mesh": (256, 512),
-    "thin_lens": (256, 512),
-    "fruit_basket": (256, 512),
+    "cornell": (64, 128),
+    "glossy_floor": (64, 128),
+    "smooth_plastic": (64, 128),
+    "rough_conductor": (64, 128),
+    "caustic": (256, 512),
+    "smooth_glass": (96, 128),
+    "rough_glass": (64, 128),
+    "smooth_normals": (64, 128),
+    "lights_in_line": (64, 128),
+    "textured": (64, 128),
+    "point_light": (64, 128),
+    "environment": (64, 128),
+    "overcast": (64, 128),
+    "spot": (64, 128),
+    "sun": (64, 128),
+    "shining_mesh": (64, 128),
+    "thin_lens": (64, 128),
+    "normal_mapped": (64, 128),
+    "cutout": (64, 128),
+    "metallic_blend": (64, 128),
+    "fruit_basket": (96, 128),
 }
 
 

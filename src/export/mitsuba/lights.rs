@@ -2,7 +2,7 @@
 
 use std::{f32::consts::PI, fmt::Write as _};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::{Export, ExportError, SKIN, bitmap, list, plain};
 use crate::{
@@ -164,7 +164,7 @@ impl Export<'_> {
 
     /// What the triangles of a material emit, and whether from both sides.
     pub(super) fn mesh_emitter(
-        &self,
+        &mut self,
         scene: &Scene,
         material: usize,
         stem: &str,
@@ -177,7 +177,17 @@ impl Export<'_> {
             _ => None,
         });
         let Some((l, m)) = light.filter(|(l, _)| l.radiance > 0.0) else { return Ok(None) };
-        let radiance = l.color * l.radiance;
+        // What lets light pass emits less; Mitsuba's emits in full.
+        let opacity = if scene.materials[material].opacity_map().is_some() {
+            self.warnings.push(format!(
+                "material `{}`: emits in Mitsuba where it is transparent",
+                scene.materials[material].name
+            ));
+            1.0
+        } else {
+            scene.materials[material].opacity(Vec2::ZERO)
+        };
+        let radiance = l.color * (l.radiance * opacity);
         let element = match scene.materials[material].emission_texture() {
             None => format!("<rgb name=\"radiance\" value=\"{}\"/>", list(radiance)),
             Some(texture) => {
@@ -189,7 +199,12 @@ impl Export<'_> {
                     })
                     .collect();
                 let part = ExrPart::rgb("emission", &texels);
-                bitmap("radiance", &self.picture(&format!("{stem}_emission"), [width, height], part)?)
+                let file = self.picture(&format!("{stem}_emission"), [width, height], part)?;
+                self.warnings.push(format!(
+                    "material `{}`: Mitsuba samples what it emits rightly only where each texel is used once",
+                    scene.materials[material].name
+                ));
+                bitmap("radiance", &file, texture.transform())
             }
         };
         Ok(Some((area_emitter(&element), m.two_sided())))
@@ -274,7 +289,8 @@ impl Export<'_> {
 }
 
 fn area_emitter(radiance: &str) -> String {
-    format!("        <emitter type=\"area\">\n            {radiance}\n        </emitter>\n")
+    let radiance: String = radiance.lines().map(|l| format!("            {l}\n")).collect();
+    format!("        <emitter type=\"area\">\n{radiance}        </emitter>\n")
 }
 
 fn matrix(frame: Frame, p: Vec3) -> String {

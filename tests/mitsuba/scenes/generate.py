@@ -31,6 +31,13 @@ MATERIALS = {
     "rough_glass": "Ni 1.5\nPr 0.5\nillum 7",
     "lamp": "Kd 0.4 0.4 0.4\nKe 5 4 2.5\nillum 1",
     "bulb": "Kd 0.3 0.3 0.5\nKe 2 3 5\nillum 1",
+    "waves": "Kd 0.6 0.5 0.4\nKs 0.04 0.04 0.04\nNi 1.5\nPr 0.4\nnorm waves.png\nillum 2",
+    "dents": "Kd 0.4 0.6 0.7\nmap_Bump -bm 15 -s 2 3 1 -o 0.1 0.2 0 dents.png\nillum 1",
+    "veil": "Kd 0.7 0.3 0.2\nd 0.5\nillum 1",
+    "leaf": "Kd 0.2 0.6 0.2\nmap_d dents.png\nKs 0.04 0.04 0.04\nNi 1.5\nPr 0.4\nillum 2",
+    "half_metal": "Kd 0.9 0.6 0.3\nKs 0.04 0.04 0.04\nNi 1.5\nPm 0.5\nPr 0.4\nillum 2",
+    "rusty": "Kd 0.8 0.5 0.3\nmap_Pm dents.png\nPr 0.5\nillum 1",
+    "worn": "Kd 0.8 0.8 0.7\nPm 1\nmap_Pr dents.png\nillum 2",
     "checks": "Kd 0.9 0.8 1.0\nmap_Kd textured.png\nillum 1",
 }
 
@@ -191,7 +198,7 @@ def main():
     o.group("ring", "mirror")
     ring(o, [0.0, 0.0, 0.2], 0.5, 0.35, 64)
     small = {"name": '"small"', "type": '"disk"', "position": [0.7, 1.4, 0.5], "look_at": [0.0, 0.1, 0.2],
-             "radius": 0.12, "radiance": 60.0}
+             "radius": 0.25, "radiance": 14.0}
     o.write("caustic", "ring", [small])
 
     # A light before a light before a light: all are counted along a ray, and none shades the others.
@@ -282,6 +289,41 @@ def main():
     o.box([0.1, 0.0, -0.1], [0.6, 0.5, 0.4])
     o.write("thin_lens", "boxes", [ceiling()],
             CAMERA.rstrip() + "\naperture_radius = 0.08\nfocus_distance = 3.5\n")
+
+    # One period of waves as normals, and of dents as numbers.
+    def waves(x, y):
+        tilt = (0.5 * math.sin(2 * math.pi * (x + 0.5) / 16), 0.4 * math.cos(4 * math.pi * (y + 0.5) / 16))
+        length = math.sqrt(1 + tilt[0] ** 2 + tilt[1] ** 2)
+        return tuple(round(127.5 * (c / length + 1)) for c in (*tilt, 1.0))
+    png(HERE / "waves.png", 16, 16, waves)
+    def dents(x, y):
+        d = math.hypot(x - 7.5, y - 6.5) / 6
+        return (round(40 + 200 * max(0.0, 1 - d * d)),) * 3
+    png(HERE / "dents.png", 16, 16, dents)
+
+    o = Obj()
+    o.room("waves")
+    o.group("panel", "dents")
+    o.quad([-0.8, 0.2, -0.6], [1.0, 0, 0.4], [0, 1.0, 0])
+    o.group("turned", "waves")
+    o.quad([0.7, 0.2, -0.2], [0, 0.8, 0], [-0.5, 0, 0.3])
+    o.write("normal_mapped", "panel", [ceiling()])
+
+    o = Obj()
+    o.room()
+    o.group("veil", "veil")
+    o.quad([-0.8, 0.2, -0.2], [0.8, 0, 0.3], [0, 1.2, 0])
+    o.group("leaf", "leaf")
+    o.quad([0.1, 0.7, 0.3], [0.7, 0, 0], [0, 0.2, -0.9])
+    o.write("cutout", "veil", [ceiling()])
+
+    o = Obj()
+    o.room("rusty")
+    o.group("ball", "half_metal")
+    o.sphere([-0.45, 0.4, 0.1], 0.4, 8)
+    o.group("panel", "worn")
+    o.quad([0.1, 0.1, -0.4], [0.7, 0, 0.3], [0, 1.0, 0])
+    o.write("metallic_blend", "ball", [ceiling()])
 
 
 if __name__ == "__main__":
