@@ -22,7 +22,7 @@
 //! | [`files`] | atomic writing, TOML with helpful errors |
 //! | [`embree`] | ray queries |
 //! | [`bsdf`], [`light`], [`camera`], [`sampler`] | the parts of light transport |
-//! | [`scene`] | OBJ, MTL and sidecar; what an integrator asks of geometry |
+//! | [`scene`] | OBJ, glTF and sidecar; what an integrator asks of geometry |
 //! | [`film`] | contributions to pictures; EXR, PNG |
 //! | [`export`] | the scene for other renderers |
 //! | [`integrator`] | path tracing, bidirectional path tracing |

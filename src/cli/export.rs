@@ -27,8 +27,8 @@ pub enum Format {
     lightopt-embree export --format mitsuba -o basket fruit_basket.obj\n  \
     mitsuba -m llvm_ad_rgb -Dspp=256 -o basket.exr basket/scene.xml")]
 pub struct ExportArgs {
-    /// Scene to export: Wavefront OBJ with its sidecar
-    #[arg(value_name = "SCENE.obj")]
+    /// Scene to export: Wavefront OBJ or glTF, with its sidecar
+    #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
     /// Renderer to export to

@@ -32,8 +32,8 @@ use crate::{
     lightopt-embree render -o basket.png fruit_basket.obj\n  \
     lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj")]
 pub struct RenderArgs {
-    /// Scene to render: Wavefront OBJ with its sidecar
-    #[arg(value_name = "SCENE.obj")]
+    /// Scene to render: Wavefront OBJ or glTF, with its sidecar
+    #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
     /// Lighting to use, as `run` writes it

@@ -27,8 +27,9 @@ use crate::{
 /// picture, rendered with global illumination, comes as close to the target as they allow.
 /// Closeness is f_q, a weighted sum of six terms (see `evaluate --help`); lower is better.
 ///
-/// SCENE.obj needs a sidecar SCENE.toml beside it that gives camera, main object and lights.
-/// A name that is not found is also sought in scenes/; `.obj` may be left out.
+/// SCENE is a Wavefront OBJ or glTF (.obj, .glb, .gltf). Beside it a sidecar of the same name
+/// ending in .toml gives camera, main object and lights; a glTF may bring its own camera and
+/// lights. A name that is not found is also sought in scenes/; the ending may be left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree run fruit_basket.obj\n  \
@@ -39,8 +40,8 @@ use crate::{
     Ctrl-C ends the optimisation and renders the best lights so far; twice quits.\n\
     Exit status: 0 done, 1 failed, 2 wrong usage.")]
 pub struct RunArgs {
-    /// Scene to light: Wavefront OBJ with its sidecar
-    #[arg(value_name = "SCENE.obj")]
+    /// Scene to light: Wavefront OBJ or glTF, with its sidecar
+    #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
     /// The look: high-key, low-key, or a target file (TOML; copy one from scenes/targets)

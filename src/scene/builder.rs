@@ -1,9 +1,10 @@
-//! Merges OBJ and sidecar into a [`Scene`] and checks both.
+//! Merges scene file and sidecar into a [`Scene`] and checks both.
 
 mod lights;
 
 use std::{
     fs,
+    io::ErrorKind,
     path::{Path, PathBuf},
 };
 
@@ -11,9 +12,12 @@ use glam::{UVec2, Vec3};
 
 use super::{
     Scene,
+    find::ending,
+    gltf,
+    imported::ImportedCamera,
     material::{Coats, Material, MaterialParams, Model},
     obj,
-    sidecar::{MaterialSpec, Selection, Sidecar},
+    sidecar::{MaterialSpec, SCHEMA, Selection, Sidecar},
     wavefront::{LineError, Part},
 };
 use crate::{
@@ -23,24 +27,33 @@ use crate::{
     math::Rgb,
 };
 
+pub use super::find::find;
+
 /// A scene could not be loaded.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SceneError {
     #[error("{path}: no such scene{hint}", path = path.display())]
     NotFound { path: PathBuf, hint: String },
-    #[error("{path}: is a directory; a scene is a Wavefront .obj file", path = path.display())]
+    #[error("{path}: is a directory; a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
     Directory { path: PathBuf },
-    #[error("{path}: a scene is a Wavefront .obj file", path = path.display())]
-    NotObj { path: PathBuf },
+    #[error("{path}: a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
+    NotScene { path: PathBuf },
     #[error("{path}: cannot read the sidecar, which gives camera, main object and lights", path = path.display())]
     Sidecar { path: PathBuf, source: std::io::Error },
+    #[error(
+        "{path}: no such sidecar, and {scene} has no camera; write one with [camera], or export the scene with its camera",
+        path = path.display(), scene = scene.display()
+    )]
+    NoCamera { path: PathBuf, scene: PathBuf },
     #[error("{path}: cannot read the scene", path = path.display())]
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path}: cannot read OBJ or MTL", path = path.display())]
     Obj { path: PathBuf, source: tobj::LoadError },
     #[error("{path}:{line}: {message}", path = path.display())]
     Line { path: PathBuf, line: usize, message: String },
+    #[error("{path}: {message}", path = path.display())]
+    Gltf { path: PathBuf, message: String },
     #[error("{path}: no triangle in this file", path = path.display())]
     NoTriangles { path: PathBuf },
     #[error("{path}: `{key}`: {message}", path = path.display())]
@@ -76,64 +89,25 @@ pub struct LightBounds {
     pub size_free: bool,
 }
 
-/// Where scenes are sought that are not found as given.
-const LIBRARY: &str = "scenes";
-
-/// Finds a scene file: as given or, for a relative path, in `scenes/`; the
-/// ending `.obj` may be left out.
-///
-/// # Errors
-/// When there is none, or the file is not an OBJ.
-pub fn find(path: &Path) -> Result<PathBuf, SceneError> {
-    let mut with_ending = path.as_os_str().to_owned();
-    with_ending.push(".obj");
-    let given = [path.to_path_buf(), with_ending.into()];
-    let sought = given.iter().map(|p| Path::new(LIBRARY).join(p)).filter(|_| path.is_relative());
-    let Some(found) = given.iter().cloned().chain(sought).find(|p| p.is_file()) else {
-        if path.is_dir() {
-            return Err(SceneError::Directory { path: path.into() });
-        }
-        return Err(SceneError::NotFound { path: path.into(), hint: hint(path) });
-    };
-    if !found.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj")) {
-        return Err(SceneError::NotObj { path: found });
-    }
-    Ok(found)
-}
-
-/// The scenes that may have been meant.
-fn hint(path: &Path) -> String {
-    if path.is_absolute() {
-        return String::new();
-    }
-    let is_obj = |n: &String| n.to_lowercase().ends_with(".obj");
-    let list = |dir: &Path| -> Vec<String> {
-        let entries = fs::read_dir(dir).into_iter().flatten().flatten();
-        entries.map(|e| e.file_name().to_string_lossy().into_owned()).filter(is_obj).collect()
-    };
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let beside = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut known = [list(beside), list(Path::new(LIBRARY))].concat();
-    known.sort();
-    match nearest(&name, known.iter().map(String::as_str)) {
-        Some(near) => format!(", and none in {LIBRARY}/ either; did you mean `{near}`?"),
-        None => format!(", and none in {LIBRARY}/ either"),
-    }
-}
-
-/// Loads `path` (see [`find`]) and the sidecar beside it.
+/// Loads `path` (see [`find`]) and the sidecar beside it, which a glTF with a
+/// camera can do without.
 ///
 /// # Errors
 /// With the file, the key and what is allowed.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
-    let obj_path = find(path)?;
-    let toml_path = obj_path.with_extension("toml");
-    let text = fs::read_to_string(&toml_path)
-        .map_err(|source| SceneError::Sidecar { path: toml_path.clone(), source })?;
+    let scene_path = find(path)?;
+    let toml_path = scene_path.with_extension("toml");
+    let is_obj = ending(&scene_path) == Some("obj");
+    let (text, has_sidecar) = match fs::read_to_string(&toml_path) {
+        Ok(text) => (text, true),
+        Err(e) if e.kind() == ErrorKind::NotFound && !is_obj => (format!("schema = {SCHEMA}"), false),
+        Err(source) => return Err(SceneError::Sidecar { path: toml_path, source }),
+    };
     let sidecar = Sidecar::parse(&toml_path, &text)?;
-    let mut scene = Builder { obj_path: &obj_path, toml_path: &toml_path }.build(&sidecar)?;
-    if obj_path != path {
-        scene.warnings.insert(0, format!("using {}", obj_path.display()));
+    let builder = Builder { scene_path: &scene_path, toml_path: &toml_path, is_obj, has_sidecar };
+    let mut scene = builder.build(&sidecar)?;
+    if scene_path != path {
+        scene.warnings.insert(0, format!("using {}", scene_path.display()));
     }
     Ok(scene)
 }
@@ -141,9 +115,18 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
 /// Names listed in a message, at most.
 const MAX_LISTED: usize = 12;
 
+/// Width of the picture of an imported camera, pixels; the sidecar's default.
+const CAMERA_WIDTH: u32 = 640;
+/// Its height where the file does not give the aspect.
+const CAMERA_HEIGHT: u32 = 480;
+/// Largest aspect, and inverse of the smallest, of an imported camera.
+const MAX_ASPECT: f32 = 16.0;
+
 struct Builder<'a> {
-    obj_path: &'a Path,
+    scene_path: &'a Path,
     toml_path: &'a Path,
+    is_obj: bool,
+    has_sidecar: bool,
 }
 
 impl Builder<'_> {
@@ -170,7 +153,17 @@ impl Builder<'_> {
             let message = format!("must be in [0, 180] degrees, got {}", sidecar.crease_angle);
             return Err(self.error("crease_angle", message));
         }
-        let parts = obj::load(self.obj_path, sidecar.crease_angle.to_radians())?;
+        let parts = if self.is_obj {
+            let required =
+                [(sidecar.camera.is_none(), "camera"), (sidecar.main_object.is_none(), "main_object")];
+            if let Some((_, field)) = required.iter().find(|(is_missing, _)| *is_missing) {
+                return Err(self.missing(field));
+            }
+            obj::load(self.scene_path, sidecar.crease_angle.to_radians())?
+        } else {
+            gltf::load(self.scene_path)?
+        };
+        let camera = self.camera(sidecar, parts.camera)?;
         let mut warnings = parts.warnings;
         for name in sidecar.materials.keys() {
             if !parts.materials.iter().any(|(n, _)| n == name) {
@@ -191,13 +184,20 @@ impl Builder<'_> {
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;
-        let is_main = self.select_main(&sidecar.main_object, &mesh, &parts.parts, &materials)?;
+        let is_main = match &sidecar.main_object {
+            Some(selection) => self.select_main(selection, &mesh, &parts.parts, &materials)?,
+            None => {
+                let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
+                warnings
+                    .push(format!("{} {reason}: everything is the main object", self.toml_path.display()));
+                vec![true; mesh.indices.len()]
+            }
+        };
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
         }
-        let (lights, light_bounds) = self.lights(sidecar, &mesh, &materials, &mut warnings)?;
-        let camera = self.camera(sidecar)?;
+        let (lights, light_bounds) = self.lights(sidecar, &parts.lights, &mesh, &materials, &mut warnings)?;
         if let Some([lo, hi]) = sidecar.background.value_range
             && !(lo >= 0.0 && lo <= hi && hi.is_finite())
         {
@@ -205,9 +205,9 @@ impl Builder<'_> {
             return Err(self.error("background.value_range", message));
         }
         let name =
-            self.obj_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
+            self.scene_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
         let scene = Scene::new(&name, mesh, materials, lights, camera)
-            .map_err(|source| SceneError::Embree { path: self.obj_path.to_path_buf(), source })?;
+            .map_err(|source| SceneError::Embree { path: self.scene_path.to_path_buf(), source })?;
         Ok(Scene {
             parts: parts.parts,
             light_bounds,
@@ -277,7 +277,7 @@ impl Builder<'_> {
         name: &str,
         known: impl Iterator<Item = &'n str> + Clone,
     ) -> SceneError {
-        let file = self.obj_path.display();
+        let file = self.scene_path.display();
         let message = match (nearest(name, known.clone()), known.clone().count()) {
             (Some(near), _) => format!("no `{name}` in {file}; did you mean `{near}`?"),
             (None, 0) => format!("no `{name}`: {file} names none"),
@@ -376,8 +376,23 @@ impl Builder<'_> {
         Ok((0..materials.len()).filter(|&i| selected[i] && materials[i].has_value()).collect())
     }
 
-    fn camera(&self, sidecar: &Sidecar) -> Result<Camera, SceneError> {
-        let c = &sidecar.camera;
+    /// That the sidecar lacks something.
+    fn missing(&self, field: &str) -> SceneError {
+        let message = format!("missing field `{field}`");
+        SceneError::Line { path: self.toml_path.to_path_buf(), line: 1, message }
+    }
+
+    /// The sidecar's camera, else that of the scene file.
+    fn camera(&self, sidecar: &Sidecar, imported: Option<ImportedCamera>) -> Result<Camera, SceneError> {
+        let Some(c) = &sidecar.camera else {
+            return match imported {
+                Some(c) => self.imported_camera(&c),
+                None if self.has_sidecar => Err(self.missing("camera")),
+                None => {
+                    Err(SceneError::NoCamera { path: self.toml_path.into(), scene: self.scene_path.into() })
+                }
+            };
+        };
         if !(c.vfov > 0.0 && c.vfov < 180.0) {
             return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
         }
@@ -406,5 +421,17 @@ impl Builder<'_> {
             }
         };
         Ok(camera.with_lens(lens))
+    }
+
+    fn imported_camera(&self, c: &ImportedCamera) -> Result<Camera, SceneError> {
+        let height = c.aspect.map_or(CAMERA_HEIGHT, |a| {
+            let aspect = a.clamp(1.0 / MAX_ASPECT, MAX_ASPECT);
+            (CAMERA_WIDTH as f32 / aspect).round() as u32
+        });
+        let size = UVec2::new(CAMERA_WIDTH, height);
+        Camera::new(c.position, c.look_at, c.up, c.vfov, size).ok_or_else(|| {
+            let message = "cannot be used as it is placed; give [camera] in the sidecar".into();
+            SceneError::Key { path: self.scene_path.into(), key: "cameras".into(), message }
+        })
     }
 }

@@ -2,6 +2,9 @@
 //! integrator asks of them.
 
 pub mod builder;
+mod find;
+pub mod gltf;
+pub mod imported;
 pub mod interaction;
 pub mod material;
 pub mod mesh;

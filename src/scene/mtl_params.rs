@@ -30,7 +30,7 @@ const BUMP_HEIGHT: f32 = 0.01;
 /// Diffuse grey.
 pub fn grey() -> MaterialParams {
     let base_color = Rgb::splat(DEFAULT_ALBEDO);
-    MaterialParams { base_color, emission_two_sided: true, ..MaterialParams::default() }
+    MaterialParams { base_color, ..MaterialParams::default() }
 }
 
 /// Reads materials and the images they need, each once.
@@ -83,7 +83,8 @@ impl Reader {
             ior,
             emission,
             emission_texture,
-            emission_two_sided: true,
+            // As Blender's emission; elsewhere the front alone, as in other renderers.
+            emission_two_sided: m.origin != Origin::Other,
             relief: self.relief(m)?,
             ..MaterialParams::default()
         };

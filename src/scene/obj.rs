@@ -43,7 +43,7 @@ use glam::{Vec2, Vec3};
 
 use super::{
     builder::SceneError,
-    material::MaterialParams,
+    imported::Imported,
     mesh::{Mesh, face_normal, smooth_normals},
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
@@ -53,26 +53,13 @@ use super::{
 /// Name of the material of faces without one.
 const NO_NAME: &str = "(none)";
 
-/// What an OBJ and its MTL hold.
-#[derive(Debug)]
-pub struct ObjScene {
-    /// Triangles; their normals are final.
-    pub mesh: Mesh,
-    /// Objects and groups, indexed by [`Mesh::objects`].
-    pub parts: Vec<Part>,
-    /// Material names and parameters, indexed by [`Mesh::materials`].
-    pub materials: Vec<(String, MaterialParams)>,
-    /// Facts that a user should hear of.
-    pub warnings: Vec<String>,
-}
-
 /// Reads an OBJ with its MTL and textures. `crease` is in radians.
 ///
 /// A missing MTL is a warning: its materials are grey, but keep their names.
 ///
 /// # Errors
 /// When the OBJ, an MTL or a texture cannot be understood, or no triangle is left.
-pub fn load(path: &Path, crease: f32) -> Result<ObjScene, SceneError> {
+pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
     let bytes = fs::read(path).map_err(|source| SceneError::Read { path: path.into(), source })?;
     let plain =
         wavefront::plain_obj(&String::from_utf8_lossy(&bytes)).map_err(|e| SceneError::at(path, e))?;
@@ -112,7 +99,8 @@ pub fn load(path: &Path, crease: f32) -> Result<ObjScene, SceneError> {
     if raw.indices.is_empty() {
         return Err(SceneError::NoTriangles { path: path.to_path_buf() });
     }
-    Ok(ObjScene { mesh: with_normals(&raw, &plain.parts, crease), parts: plain.parts, materials, warnings })
+    let mesh = with_normals(&raw, &plain.parts, crease);
+    Ok(Imported { mesh, parts: plain.parts, materials, warnings, ..Imported::default() })
 }
 
 /// Reads all material libraries, and adds a grey material for every name that none defines.

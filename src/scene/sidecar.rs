@@ -1,12 +1,12 @@
-//! The sidecar `NAME.toml` beside `NAME.obj`: what OBJ and MTL cannot say.
+//! The sidecar `NAME.toml` beside `NAME.obj` or `NAME.glb`: what the scene file cannot say.
 //!
 //! ```toml
 //! schema = 1                        # version of this format
 //! exposure = 1.0                    # factor on luminance before sRGB encoding
 //! free = ["radiance", "size", "background"]   # what may vary (default: all)
-//! crease_angle = 40.0               # degrees; for meshes without normals
+//! crease_angle = 40.0               # degrees; for an OBJ's meshes without normals
 //!
-//! [camera]
+//! [camera]                          # default: the camera of a glTF
 //! position = [0.0, 0.5, 1.5]        # metres
 //! look_at = [0.0, 0.1, 0.0]
 //! up = [0.0, 1.0, 0.0]
@@ -15,16 +15,16 @@
 //! aperture_radius = 0.02            # metres; a thin lens (default: a pinhole)
 //! focus_distance = 1.6              # of the plane in focus, metres (default: that of look_at)
 //!
-//! [main_object]
-//! objects = ["apple", "basket_*"]   # OBJ `o`/`g` names; a trailing * matches any ending
-//! materials = []                    # and/or MTL names
+//! [main_object]                     # default: all of a glTF
+//! objects = ["apple", "basket_*"]   # OBJ `o`/`g`, glTF node or mesh names; a trailing * matches any ending
+//! materials = []                    # and/or names of materials
 //!
 //! [background]
 //! materials = ["wall", "table"]     # default: all that the main object does not use
 //! value_range = [0.05, 1.1]         # bounds of the factor on their base colour
 //!
-//! [[lights]]
-//! name = "key"
+//! [[lights]]                        # besides those of a glTF
+//! name = "key"                      # one that a light of the glTF has replaces it
 //! type = "rectangle"                # rectangle | disk | sphere | spot | point
 //!                                   # | distant | environment | mesh
 //! position = [1.0, 2.0, 1.0]        # centre
@@ -51,7 +51,7 @@
 //! # A material that emits (`Ke`) is a light of its own, named after it, with a free
 //! # radiance; a light of type `mesh` replaces that one.
 //!
-//! [materials.table]                 # overrides of the MTL material `table`
+//! [materials.table]                 # overrides of the file's material `table`
 //! model = "plastic"                 # diffuse | conductor | dielectric | plastic
 //! base_color = [0.3, 0.2, 0.1]
 //! roughness = 0.2                   # GGX slope is its square; 0 is smooth
@@ -90,17 +90,17 @@ pub struct Sidecar {
     /// Largest bend of an edge that is still smooth, degrees.
     #[serde(default = "default_crease")]
     pub crease_angle: f32,
-    /// Camera.
-    pub camera: CameraSpec,
-    /// Main object.
-    pub main_object: Selection,
+    /// Camera; a glTF may bring its own.
+    pub camera: Option<CameraSpec>,
+    /// Main object; absent it is all of a glTF.
+    pub main_object: Option<Selection>,
     /// Background materials and value.
     #[serde(default)]
     pub background: BackgroundSpec,
     /// Lights.
     #[serde(default)]
     pub lights: Vec<LightSpec>,
-    /// Material overrides by MTL name.
+    /// Material overrides by name.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
 }
@@ -164,10 +164,10 @@ pub struct CameraSpec {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Selection {
-    /// OBJ object or group names.
+    /// OBJ object or group names, glTF node or mesh names.
     #[serde(default)]
     pub objects: Vec<String>,
-    /// MTL material names.
+    /// Material names.
     #[serde(default)]
     pub materials: Vec<String>,
 }
@@ -176,7 +176,7 @@ pub struct Selection {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BackgroundSpec {
-    /// MTL material names; default all that the main object does not use.
+    /// Material names; default all that the main object does not use.
     pub materials: Option<Vec<String>>,
     /// Bounds of the value factor.
     pub value_range: Option<[f32; 2]>,

@@ -3,8 +3,9 @@
 use glam::{Vec2, Vec3};
 use lightopt_embree::scene::{
     Material, SceneError, builder,
+    imported::Imported,
     material::{Coats, MaterialParams, Model, Relief},
-    obj::{self, ObjScene},
+    obj,
     texture::ScalarMap,
 };
 
@@ -15,12 +16,12 @@ const CREASE: f32 = 0.7;
 /// A square in the plane y = 0.
 const SQUARE: &str = "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\n";
 
-fn load(obj: &str, mtl: &str) -> Result<ObjScene, SceneError> {
+fn load(obj: &str, mtl: &str) -> Result<Imported, SceneError> {
     let room = Room::with(obj, mtl, TOML);
     obj::load(&room.path("room.obj"), CREASE)
 }
 
-fn load_ok(obj: &str) -> ObjScene {
+fn load_ok(obj: &str) -> Imported {
     load(obj, MTL).unwrap()
 }
 
@@ -29,7 +30,7 @@ fn line_of(e: &SceneError) -> String {
     text.split_once("room.").map(|(_, rest)| rest.to_owned()).unwrap_or(text)
 }
 
-fn area(s: &ObjScene) -> f32 {
+fn area(s: &Imported) -> f32 {
     (0..s.mesh.indices.len())
         .map(|t| {
             let [a, b, c] = s.mesh.corners(t);
@@ -69,7 +70,7 @@ fn absent_normals_are_smooth_below_the_crease_across_materials_and_groups() {
              usemtl floor\ng b\nf 2 5 6 3\n"
         )
     };
-    let shared = |s: &ObjScene| {
+    let shared = |s: &Imported| {
         let at = |t: usize, p: Vec3| {
             let i = s.mesh.indices[t].iter().find(|&&i| s.mesh.positions[i as usize] == p).unwrap();
             s.mesh.normals[*i as usize]
@@ -333,7 +334,7 @@ fn what_is_no_scene_is_one_line() {
         ("lonely.obj", "lonely.toml: cannot read the sidecar"),
         ("rom.obj", "rom.obj: no such scene, and none in scenes/ either; did you mean `room.obj`?"),
         ("/no/such.obj", "/no/such.obj: no such scene"),
-        ("room.toml", "room.toml: a scene is a Wavefront .obj file"),
+        ("room.toml", "room.toml: a scene is a Wavefront .obj or a glTF .glb/.gltf file"),
     ] {
         for command in ["run", "render"] {
             let error = room.fail_at_once(&[command, scene]);
@@ -377,7 +378,7 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
     assert_eq!(of("map_Kd g.png\n").base_color.x, 1.0);
     assert_eq!(of("Kd .5 .5 .5\nmap_Kd g.png\n").base_color.x, 0.5);
     let p = of("Ke 3 2 1\n");
-    assert!(p.emission == Vec3::new(3.0, 2.0, 1.0) && p.emission_texture.is_none() && p.emission_two_sided);
+    assert!(p.emission == Vec3::new(3.0, 2.0, 1.0) && p.emission_texture.is_none() && !p.emission_two_sided);
     assert!(
         of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ZERO
     );

@@ -6,6 +6,7 @@
 mod evaluate;
 mod export;
 mod exr_bytes;
+mod gltf;
 mod loader;
 mod render;
 mod room;

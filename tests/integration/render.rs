@@ -159,7 +159,7 @@ fn wrong_usage_is_code_2() {
         all.extend(&arguments);
         room.command(&all).assert().code(2).stdout("").stderr(contains(wanted));
     }
-    room.command(&["render"]).assert().code(2).stderr(contains("SCENE.obj"));
+    room.command(&["render"]).assert().code(2).stderr(contains("<SCENE>"));
     room.command(&[]).assert().code(2);
     assert!(!room.path("room.exr").exists());
 }

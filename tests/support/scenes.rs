@@ -337,24 +337,6 @@ pub fn out_of_focus(size: (u32, u32)) -> Scene {
     scene
 }
 
-type Make = fn((u32, u32)) -> Scene;
-
-/// Every kind of material, light and camera.
-pub const ALL: [Make; 12] = [
-    cornell,
-    smooth_sphere,
-    rough_glass,
-    smooth_glass,
-    glossy_floor,
-    lights_in_line,
-    outdoors,
-    overcast,
-    shining_meshes,
-    veils,
-    out_of_focus,
-    normal_mapped,
-];
-
 /// An image of linear numbers, 16 bits a channel, of `f` at the texels' centres (v up).
 pub fn image(size: u32, f: impl Fn(Vec2) -> [f32; 4]) -> Arc<Texture> {
     let texel = |x: u32, y: u32| {
@@ -416,3 +398,21 @@ pub fn dark_box(size: (u32, u32)) -> Scene {
     let camera = camera(Vec3::new(0.1, -0.2, 0.3), Vec3::new(0.6, 0.4, -0.2), 100.0, size);
     Scene::new("dark_box", s.mesh, vec![walls], lights, camera).unwrap()
 }
+
+type Make = fn((u32, u32)) -> Scene;
+
+/// Every kind of material, light and camera.
+pub const ALL: [Make; 12] = [
+    cornell,
+    smooth_sphere,
+    rough_glass,
+    smooth_glass,
+    glossy_floor,
+    lights_in_line,
+    outdoors,
+    overcast,
+    shining_meshes,
+    veils,
+    out_of_focus,
+    normal_mapped,
+];

@@ -10,7 +10,9 @@ use glam::{Vec2, Vec3};
 
 use super::{
     super::{
-        Material, Mesh, interaction,
+        Material, Mesh,
+        imported::{ImportedLight, Punctual},
+        interaction,
         sidecar::{
             FreeKind::{Radiance, Size},
             LightSpec, LightType, Sidecar,
@@ -41,11 +43,13 @@ impl EmissionProfile for Material {
 }
 
 impl Builder<'_> {
-    /// The sidecar's lights in their order, then the materials that emit and
-    /// that no light of the sidecar stands for.
+    /// The lights of the scene file that the sidecar does not replace, the
+    /// sidecar's in their order, then the materials that emit and that no light
+    /// of the sidecar stands for.
     pub(super) fn lights(
         &self,
         sidecar: &Sidecar,
+        imported: &[ImportedLight],
         mesh: &Mesh,
         materials: &[Material],
         warnings: &mut Vec<String>,
@@ -65,6 +69,17 @@ impl Builder<'_> {
         let mut emitters = self.emitters(mesh, materials);
         let mut lights = Vec::new();
         let mut bounds = Vec::new();
+        let radiance_free = sidecar.free.contains(Radiance);
+        for l in imported {
+            if names.contains(&l.name) {
+                let file = self.scene_path.display();
+                warnings.push(format!("{file}: light `{}` is replaced by that of the sidecar", l.name));
+            } else {
+                names.insert(l.name.clone());
+                lights.push(punctual(l));
+                bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+            }
+        }
         for l in &sidecar.lights {
             lights.push(self.light(l, materials, &mut emitters, warnings)?);
             bounds.push(self.light_bounds(sidecar, l)?);
@@ -87,10 +102,7 @@ impl Builder<'_> {
                 camera_visible: true,
                 occludes: false,
             });
-            bounds.push(LightBounds {
-                radiance_free: sidecar.free.contains(Radiance),
-                ..LightBounds::default()
-            });
+            bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
         }
         Ok((lights, bounds))
     }
@@ -330,8 +342,34 @@ impl Builder<'_> {
     }
 }
 
+/// A light of the scene file.
+fn punctual(l: &ImportedLight) -> Light {
+    let shape = match l.kind {
+        Punctual::Point => Shape::Point(Point::isotropic(l.position)),
+        Punctual::Spot { inner, outer } => {
+            let cone = Cone { cos_inner: inner.cos(), cos_outer: outer.cos().max(0.0) };
+            Shape::Point(Point { position: l.position, cone: Some((l.direction, cone)) })
+        }
+        Punctual::Directional => {
+            Shape::Distant(Distant { direction: l.direction, scene: Surroundings::default() })
+        }
+    };
+    let y = luminance(l.color);
+    Light {
+        name: l.name.clone(),
+        shape,
+        // A black light is off, of whatever colour.
+        color: if y > 0.0 { l.color / y } else { Rgb::ONE },
+        radiance: l.intensity * y,
+        size: 1.0,
+        size_density: SizeDensity::UniformArea { extent: 1.0 },
+        camera_visible: true,
+        occludes: false,
+    }
+}
+
 /// A cone of half-angle `angle`, radians, of which the share `softness` is soft edge.
-pub(super) fn cone(angle: f32, softness: f32) -> Cone {
+fn cone(angle: f32, softness: f32) -> Cone {
     let cos = |a: f32| a.min(0.5 * PI).cos().max(0.0);
     Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle) }
 }
