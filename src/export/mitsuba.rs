@@ -6,6 +6,7 @@
 //! | ours | Mitsuba | |
 //! | --- | --- | --- |
 //! | camera | `perspective`, `fov_axis` y, `lookat`; `hdrfilm` with a box filter | exact |
+//! | lens | `thinlens`, same radius and distance | exact |
 //! | `max_depth` | `max_depth`: both count edges after the camera | exact |
 //! | diffuse | `twosided(diffuse)` | exact |
 //! | plastic, smooth | `twosided(plastic)`, `nonlinear` false, albedo times [`compensation`] | exact |
@@ -14,15 +15,27 @@
 //! | conductor, smooth and white | `twosided(conductor)`, material `none` | exact |
 //! | conductor, smooth, other | `principled` at its least slope 0.001 | approximate: a warning says so |
 //! | dielectric | `dielectric`, `roughdielectric` (GGX), `ext_ior` 1 | exact |
-//! | texture | linear float EXR with the tint multiplied in; `raw`, bilinear, repeat | exact |
+//! | mixtures | `blendbsdf` by coat strength, then by share of metal | exact |
+//! | roughness from an image | `principled`: exact; `roughdielectric`: its square is interpolated; `roughplastic`: one roughness | warning |
+//! | opacity | `mask`; a null interaction of `volpath`, no edge | exact; a cutoff of an image only nearly |
+//! | normal map, bump map | `normalmap`, `bumpmap` without flipping and shadowing; the back has its own, tilted the other way | exact; glass, mirrored images and bumps stretched unevenly only nearly |
+//! | texture | linear float EXR with the tint multiplied in; `raw`, bilinear, repeat, `to_uv` | exact |
 //! | rectangle, disk, sphere | same shape, `area` emitter, `null` BSDF | exact |
+//! | body that stops light | the same with a black `diffuse` | exact |
+//! | emissive mesh, flat | `area` emitter of its mesh | exact |
+//! | emissive mesh, smooth or two-sided | its mesh moved back by a hair, before it one that emits with face normals and `null` BSDF | exact but for that hair |
+//! | emission from an image | `area` with a bitmap | only if each texel is used once: a warning says so |
+//! | environment | `constant`, or `envmap` with means between the rows, for its first and last lie on the poles | exact |
+//! | distant | `directional` | exact |
 //! | point | `point` | exact |
-//! | spot | refused | |
+//! | spot of radius 0 | `spot` whose picture is the profile of its cone | exact |
+//! | spot | 1024 of these on its disk, each with the disk's cosine | exact but for close surfaces; the disk is not seen: a warning says so |
 //!
 //! Our lights do not block: a ray collects all it crosses and goes on. `volpath`
 //! does the same at a `null` surface that emits, for camera and shadow rays,
 //! without counting an edge; `path` would stop there. All lights hidden from
-//! the camera become `hide_emitters`; a mixture is refused.
+//! the camera become `hide_emitters`, which hides bodies that emit too: they
+//! keep a black one behind. A mixture is refused.
 
 mod lights;
 mod materials;
@@ -40,7 +53,7 @@ use crate::{
     scene::{Scene, material::Model},
 };
 
-/// How far before a body its emitting skin lies, over one plus the largest
+/// How far behind its emitting skin a body lies, over one plus the largest
 /// coordinate: thrice what Mitsuba moves the origin of a ray off a surface.
 const SKIN: f32 = 3.0 * 9e-5;
 
@@ -114,14 +127,14 @@ impl Export<'_> {
         if !two_sided && !self.hide_emitters && part.is_flat() {
             return self.ply(&part, &stem, &bsdf, &emitter);
         }
-        self.ply(&part, &stem, &bsdf, "")?;
-        let distance = SKIN * (1.0 + part.reach());
+        let behind = -SKIN * (1.0 + part.reach());
+        self.ply(&part.moved(behind), &stem, &bsdf, "")?;
         let emitter = format!(
             "        <boolean name=\"face_normals\" value=\"true\"/>\n        <bsdf type=\"null\"/>\n{emitter}"
         );
-        self.ply(&part.skin(distance, false), &format!("{stem}_front"), "", &emitter)?;
+        self.ply(&part, &format!("{stem}_front"), "", &emitter)?;
         if two_sided {
-            self.ply(&part.skin(distance, true), &format!("{stem}_back"), "", &emitter)?;
+            self.ply(&part.moved(2.0 * behind).turned(), &format!("{stem}_back"), "", &emitter)?;
         }
         Ok(())
     }

@@ -89,8 +89,8 @@ impl Part {
     }
 
     /// The surface moved by `distance` toward its front, the side from which the
-    /// corners run anticlockwise, or toward its back and turned round.
-    pub(super) fn skin(&self, distance: f32, back: bool) -> Self {
+    /// corners run anticlockwise.
+    pub(super) fn moved(&self, distance: f32) -> Self {
         let mut front = vec![1.0_f32; self.vertices.len()];
         for t in &self.triangles {
             let n = self.normal(t);
@@ -98,16 +98,16 @@ impl Part {
                 front[i as usize] = self.vertices[i as usize].1.dot(n).signum();
             }
         }
-        let distance = if back { -distance } else { distance };
         let moved = |(&(p, n, uv), front): (&(Vec3, Vec3, Vec2), &f32)| (p + n * (distance * front), n, uv);
         Self {
             vertices: self.vertices.iter().zip(&front).map(moved).collect(),
-            triangles: self
-                .triangles
-                .iter()
-                .map(|&[a, b, c]| if back { [a, c, b] } else { [a, b, c] })
-                .collect(),
+            triangles: self.triangles.clone(),
         }
+    }
+
+    /// The surface with its front behind.
+    pub(super) fn turned(self) -> Self {
+        Self { triangles: self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..self }
     }
 
     /// Whether the material is not used at all.
@@ -161,16 +161,14 @@ mod tests {
     }
 
     #[test]
-    fn a_skin_lies_before_its_surface_and_faces_away_from_it() {
+    fn a_surface_is_moved_toward_its_front_whichever_way_its_normals_look() {
         let part = Part {
             vertices: [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| (p, Vec3::NEG_Z, Vec2::ZERO)).to_vec(),
             triangles: vec![[0, 1, 2]],
         };
-        assert!(!part.is_flat(), "its normals look the other way");
-        for (back, z) in [(false, 0.5), (true, -0.5)] {
-            let skin = part.skin(0.5, back);
-            assert!(skin.vertices.iter().all(|v| v.0.z == z));
-            assert_eq!(skin.normal(&skin.triangles[0]).z, z.signum());
-        }
+        assert!(!part.is_flat());
+        let moved = part.moved(0.5);
+        assert!(moved.vertices.iter().all(|v| v.0.z == 0.5));
+        assert_eq!(moved.turned().normal(&[0, 2, 1]), Vec3::NEG_Z);
     }
 }

@@ -72,6 +72,9 @@ fn welch(variance: f64, va: f64, na: u64, vb: f64, nb: u64) -> f64 {
     (variance * variance / spread.max(1e-300)).min(1e6)
 }
 
+/// Relative error of a pixel that is summed in f32.
+const ROUNDING: f64 = 1e-5;
+
 /// How two measurements differ.
 pub struct Comparison {
     /// Normal deviate of each pixel.
@@ -88,8 +91,8 @@ pub struct Comparison {
 
 /// Compares two measurements: each pixel's mean over the channels, and the picture's mean.
 ///
-/// A variance floor of the median pixel's keeps a pixel that happened to see no
-/// noise from deciding; with few renders a ratio follows Student's t, so it is
+/// A variance floor of the median pixel's, and of rounding, keeps a pixel that
+/// happened to see no noise from deciding; with few renders a ratio follows Student's t, so it is
 /// first turned into the normal deviate of the same probability.
 pub fn compare(a: &Measured, b: &Measured) -> Comparison {
     let n = a.pixels.len();
@@ -110,7 +113,8 @@ pub fn compare(a: &Measured, b: &Measured) -> Comparison {
         .zip(&b.pixels)
         .map(|(p, q)| {
             let ((ma, va), (mb, vb)) = (gray(p), gray(q));
-            let variance = (va + vb).max(floor).max(1e-30);
+            let rounding = (ROUNDING * mb).powi(2);
+            let variance = (va + vb).max(floor).max(rounding).max(1e-30);
             normal_deviate((ma - mb) / variance.sqrt(), welch(variance, va, p[0].n(), vb, q[0].n()))
         })
         .collect();

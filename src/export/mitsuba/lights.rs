@@ -134,7 +134,7 @@ impl Export<'_> {
     }
 
     /// A shape that emits and lets all rays pass, or is black. `place` puts it a
-    /// distance before its place; `reach` is its farthest corner, about.
+    /// distance before its place; `reach` is its centre or farther.
     fn area(&mut self, shape: &str, place: impl Fn(f32) -> String, reach: Vec3, l: &Light) {
         let radiance = l.color * l.radiance;
         let emitter = area_emitter(&format!("<rgb name=\"radiance\" value=\"{}\"/>", list(radiance)));
@@ -154,9 +154,9 @@ impl Export<'_> {
             (true, false) => put(place(0.0), black, emitter),
             // Mitsuba hides the body with the light; ours stays, black.
             (true, true) => {
-                put(place(0.0), black, "");
+                put(place(-SKIN * (1.0 + reach.abs().max_element())), black, "");
                 if !emitter.is_empty() {
-                    put(place(SKIN * (1.0 + reach.abs().max_element())), null, emitter);
+                    put(place(0.0), null, emitter);
                 }
             }
         }
