@@ -6,6 +6,7 @@
 //! | ours | Mitsuba | |
 //! | --- | --- | --- |
 //! | camera | `perspective`, `fov_axis` y, `lookat`; `hdrfilm` with a box filter | exact |
+//! | lens | `thinlens`, same radius and distance | exact |
 //! | `max_depth` | `max_depth`: both count edges after the camera | exact |
 //! | diffuse | `twosided(diffuse)` | exact |
 //! | plastic, smooth | `twosided(plastic)`, `nonlinear` false, albedo times [`compensation`] | exact |
@@ -14,35 +15,47 @@
 //! | conductor, smooth and white | `twosided(conductor)`, material `none` | exact |
 //! | conductor, smooth, other | `principled` at its least slope 0.001 | approximate: a warning says so |
 //! | dielectric | `dielectric`, `roughdielectric` (GGX), `ext_ior` 1 | exact |
-//! | texture | linear float EXR with the tint multiplied in; `raw`, bilinear, repeat | exact |
+//! | mixtures | `blendbsdf` by coat strength, then by share of metal | exact |
+//! | roughness from an image | `principled`: exact; `roughdielectric`: its square is interpolated; `roughplastic`: one roughness | warning |
+//! | opacity | `mask`; a null interaction of `volpath`, no edge | exact; a cutoff of an image only nearly |
+//! | normal map, bump map | `normalmap`, `bumpmap` without flipping and shadowing; the back has its own, tilted the other way | exact; glass, mirrored images and bumps stretched unevenly only nearly |
+//! | texture | linear float EXR with the tint multiplied in; `raw`, bilinear, repeat, `to_uv` | exact |
 //! | rectangle, disk, sphere | same shape, `area` emitter, `null` BSDF | exact |
+//! | body that stops light | the same with a black `diffuse` | exact |
+//! | emissive mesh, flat | `area` emitter of its mesh | exact |
+//! | emissive mesh, smooth or two-sided | its mesh moved back by a hair, before it one that emits with face normals and `null` BSDF | exact but for that hair |
+//! | emission from an image | `area` with a bitmap | only if each texel is used once: a warning says so |
+//! | environment | `constant`, or `envmap` with means between the rows, for its first and last lie on the poles | exact |
+//! | distant | `directional` | exact |
 //! | point | `point` | exact |
-//! | spot | refused | |
+//! | spot of radius 0 | `spot` whose picture is the profile of its cone | exact |
+//! | spot | 1024 of these on its disk, each with the disk's cosine | exact but for close surfaces; the disk is not seen: a warning says so |
 //!
 //! Our lights do not block: a ray collects all it crosses and goes on. `volpath`
 //! does the same at a `null` surface that emits, for camera and shadow rays,
 //! without counting an edge; `path` would stop there. All lights hidden from
-//! the camera become `hide_emitters`; a mixture is refused.
+//! the camera become `hide_emitters`, which hides bodies that emit too: they
+//! keep a black one behind. A mixture is refused.
 
-use std::{
-    collections::HashMap,
-    fmt::Write as _,
-    fs,
-    io::Write as _,
-    path::{Path, PathBuf},
-};
+mod lights;
+mod materials;
 
-use glam::Vec3;
+use std::{fmt::Write as _, fs, io::Write as _, path::Path};
 
+use glam::{Affine2, Vec2, Vec3};
+
+use self::materials::Compensations;
+pub use self::materials::compensation;
 use super::{ExportError, ply::Part};
 use crate::{
-    bsdf::{microfacet::Ggx, plastic::internal_reflectance},
     files::write_atomically,
     film::exr::{ExrImage, ExrPart, write_exr},
-    light::{Light, Outline, Planar, Shape},
-    math::Rgb,
-    scene::{Material, Scene, material::Model},
+    scene::{Scene, material::Model},
 };
+
+/// How far behind its emitting skin a body lies, over one plus the largest
+/// coordinate: thrice what Mitsuba moves the origin of a ray off a surface.
+const SKIN: f32 = 3.0 * 9e-5;
 
 /// Writes a scene as it is lit now into `directory`, made if it is not there.
 /// Returns what a user should hear of.
@@ -51,33 +64,24 @@ use crate::{
 /// When a light has no exact counterpart (before anything is written), or a
 /// file cannot be written. `scene.xml` comes last.
 pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<String>, ExportError> {
-    let hide_emitters = hide_emitters(&scene.lights)?;
-    let mut lights = String::new();
-    for l in &scene.lights {
-        light(&mut lights, l)?;
-    }
+    let hide_emitters = lights::hide_emitters(&scene.lights)?;
+    lights::check(&scene.lights)?;
     fs::create_dir_all(directory)
         .map_err(|source| ExportError::Directory { path: directory.to_path_buf(), source })?;
-    let mut warnings = Vec::new();
-    let mut compensations = Compensations::default();
-    let mut surfaces = String::new();
-    for (i, material) in scene.materials.iter().enumerate() {
-        let part = Part::of_material(&scene.mesh, i as u32);
-        if part.is_empty() {
-            continue;
-        }
-        let stem = format!("{i:02}_{}", plain(&material.name));
-        let path = directory.join(format!("{stem}.ply"));
-        write_atomically(&path, |out| {
-            part.write(out).map_err(|source| ExportError::Write { path: path.clone(), source })
-        })?;
-        let color = color(material, &stem, directory, &mut compensations, &mut warnings)?;
-        let bsdf = bsdf(material, &color, &mut warnings);
-        surfaces += &format!(
-            "    <shape type=\"ply\">\n        <string name=\"filename\" value=\"{stem}.ply\"/>\n        \
-             <boolean name=\"flip_tex_coords\" value=\"true\"/>\n{bsdf}    </shape>\n"
-        );
+    let mut export = Export {
+        directory,
+        hide_emitters,
+        elements: String::new(),
+        warnings: Vec::new(),
+        compensations: Compensations::default(),
+    };
+    for i in 0..scene.materials.len() {
+        export.surface(scene, i)?;
     }
+    for l in &scene.lights {
+        export.light(l)?;
+    }
+    export.warn_of_lost_caustics(scene);
     let text = format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n    \
          <default name=\"spp\" value=\"64\"/>\n    \
@@ -85,24 +89,122 @@ pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<St
          <integrator type=\"volpath\">\n        \
          <integer name=\"max_depth\" value=\"{max_depth}\"/>\n        \
          <boolean name=\"hide_emitters\" value=\"{hide_emitters}\"/>\n    </integrator>\n\
-         {}{surfaces}{lights}</scene>\n",
-        sensor(scene)
+         {}{}</scene>\n",
+        sensor(scene),
+        export.elements
     );
     let path = directory.join("scene.xml");
     write_atomically(&path, |out| {
         out.write_all(text.as_bytes()).map_err(|source| ExportError::Write { path: path.clone(), source })
     })?;
-    Ok(warnings)
+    Ok(export.warnings)
 }
 
-/// Whether all lights that a ray can hit are hidden from the camera.
-fn hide_emitters(lights: &[Light]) -> Result<bool, ExportError> {
-    let hidden = |l: &&Light| !l.is_delta() && !l.camera_visible;
-    match lights.iter().find(hidden) {
-        None => Ok(false),
-        Some(_) if lights.iter().all(|l| l.is_delta() || !l.camera_visible) => Ok(true),
-        Some(l) => Err(ExportError::Visibility { light: l.name.clone() }),
+/// An export under way.
+struct Export<'a> {
+    directory: &'a Path,
+    hide_emitters: bool,
+    /// Shapes and emitters, XML.
+    elements: String,
+    warnings: Vec<String>,
+    compensations: Compensations,
+}
+
+impl Export<'_> {
+    /// The triangles of a material, with what they emit.
+    fn surface(&mut self, scene: &Scene, index: usize) -> Result<(), ExportError> {
+        let material = &scene.materials[index];
+        let part = Part::of_material(&scene.mesh, index as u32);
+        if part.is_empty() {
+            return Ok(());
+        }
+        let stem = format!("{index:02}_{}", plain(&material.name));
+        let bsdf = self.bsdf(material, &part, &stem)?;
+        let Some((emitter, two_sided)) = self.mesh_emitter(scene, index, &stem)? else {
+            return self.ply(&part, &stem, &bsdf, "");
+        };
+        // Mitsuba emits from one side, about interpolated normals, and hides the body with the light.
+        if !two_sided && !self.hide_emitters && part.is_flat() {
+            return self.ply(&part, &stem, &bsdf, &emitter);
+        }
+        let behind = -SKIN * (1.0 + part.reach());
+        self.ply(&part.moved(behind), &stem, &bsdf, "")?;
+        let emitter = format!(
+            "        <boolean name=\"face_normals\" value=\"true\"/>\n        <bsdf type=\"null\"/>\n{emitter}"
+        );
+        self.ply(&part, &format!("{stem}_front"), "", &emitter)?;
+        if two_sided {
+            self.ply(&part.moved(2.0 * behind).turned(), &format!("{stem}_back"), "", &emitter)?;
+        }
+        Ok(())
     }
+
+    fn ply(&mut self, part: &Part, stem: &str, bsdf: &str, emitter: &str) -> Result<(), ExportError> {
+        let path = self.directory.join(format!("{stem}.ply"));
+        write_atomically(&path, |out| {
+            part.write(out).map_err(|source| ExportError::Write { path: path.clone(), source })
+        })?;
+        let _ = write!(
+            self.elements,
+            "    <shape type=\"ply\">\n        <string name=\"filename\" value=\"{stem}.ply\"/>\n        \
+             <boolean name=\"flip_tex_coords\" value=\"true\"/>\n{bsdf}{emitter}    </shape>\n"
+        );
+        Ok(())
+    }
+
+    /// Writes a picture and returns its name.
+    fn picture(&self, stem: &str, [width, height]: [usize; 2], part: ExrPart) -> Result<String, ExportError> {
+        let name = format!("{stem}.exr");
+        let image = ExrImage { width, height, parts: vec![part], lightopt: None };
+        write_exr(&self.directory.join(&name), &image)?;
+        Ok(name)
+    }
+
+    /// A path tracer that goes from the camera cannot follow light from a point
+    /// through glass.
+    fn warn_of_lost_caustics(&mut self, scene: &Scene) {
+        let used = |m: usize| scene.mesh.materials.contains(&(m as u32));
+        let smooth = scene
+            .materials
+            .iter()
+            .enumerate()
+            .find(|(i, m)| m.alpha().is_none() && m.model() != Model::Diffuse && used(*i));
+        if let Some((_, m)) = smooth
+            && let Some(l) = scene.lights.iter().find(|l| lights::is_unseen(l) && l.radiance > 0.0)
+        {
+            self.warnings.push(format!(
+                "light `{}`: Mitsuba's volpath misses what the smooth material `{}` throws on from it",
+                l.name, m.name
+            ));
+        }
+    }
+}
+
+/// A bitmap's texture element under a parameter's name. `transform` maps the
+/// surface's texture coordinates to the image's, v up.
+fn bitmap(name: &str, file: &str, transform: Affine2) -> String {
+    let to_uv = if transform == Affine2::IDENTITY {
+        String::new()
+    } else {
+        // v runs down in the exported mesh and in Mitsuba's images.
+        let flip = Affine2::from_cols(Vec2::X, Vec2::NEG_Y, Vec2::Y);
+        let t = flip * transform * flip;
+        format!(
+            "    <transform name=\"to_uv\"><matrix value=\"{} {} 0 {} {} {} 0 {} 0 0 1 0 0 0 0 1\"/></transform>\n",
+            t.matrix2.x_axis.x,
+            t.matrix2.y_axis.x,
+            t.translation.x,
+            t.matrix2.x_axis.y,
+            t.matrix2.y_axis.y,
+            t.translation.y
+        )
+    };
+    format!(
+        "<texture type=\"bitmap\" name=\"{name}\">\n    \
+         <string name=\"filename\" value=\"{file}\"/>\n    \
+         <boolean name=\"raw\" value=\"true\"/>\n    \
+         <string name=\"format\" value=\"variant\"/>\n{to_uv}</texture>\n"
+    )
 }
 
 /// A name that is safe in a file name and in XML.
@@ -116,15 +218,26 @@ fn list(v: Vec3) -> String {
 
 fn sensor(scene: &Scene) -> String {
     let c = &scene.camera;
+    let (kind, lens) = match c.lens() {
+        None => ("perspective", String::new()),
+        Some(lens) => (
+            "thinlens",
+            format!(
+                "        <float name=\"aperture_radius\" value=\"{}\"/>\n        \
+                 <float name=\"focus_distance\" value=\"{}\"/>\n",
+                lens.radius, lens.focus_distance
+            ),
+        ),
+    };
     format!(
-        "    <sensor type=\"perspective\">\n        \
+        "    <sensor type=\"{kind}\">\n{lens}        \
          <string name=\"fov_axis\" value=\"y\"/>\n        \
          <float name=\"fov\" value=\"{}\"/>\n        \
          <float name=\"near_clip\" value=\"1e-4\"/>\n        \
          <float name=\"far_clip\" value=\"1e6\"/>\n        \
          <transform name=\"to_world\">\n            \
          <lookat origin=\"{}\" target=\"{}\" up=\"{}\"/>\n        </transform>\n        \
-         <sampler type=\"independent\">\n            \
+         <sampler type=\"multijitter\">\n            \
          <integer name=\"sample_count\" value=\"$spp\"/>\n        </sampler>\n        \
          <film type=\"hdrfilm\">\n            \
          <integer name=\"width\" value=\"{}\"/>\n            \
@@ -141,225 +254,9 @@ fn sensor(scene: &Scene) -> String {
     )
 }
 
-/// A light as shape and emitter; one that emits nothing is left out.
-fn light(out: &mut String, l: &Light) -> Result<(), ExportError> {
-    let radiance = l.color * l.radiance;
-    let (shape, place) = match &l.shape {
-        Shape::Planar(Planar { cone: Some(cone), .. }) if cone.cos_inner > 0.0 => {
-            return Err(ExportError::Spot { light: l.name.clone() });
-        }
-        Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => {
-            return Err(ExportError::Spot { light: l.name.clone() });
-        }
-        Shape::Point(p) => {
-            let _ = write!(
-                out,
-                "    <emitter type=\"point\">\n        \
-                 <point name=\"position\" value=\"{}\"/>\n        \
-                 <rgb name=\"intensity\" value=\"{}\"/>\n    </emitter>\n",
-                list(p.position),
-                list(radiance)
-            );
-            return Ok(());
-        }
-        Shape::Planar(p) => {
-            let (shape, a, b) = match p.outline {
-                Outline::Rectangle { a, b } => ("rectangle", a, b),
-                Outline::Disk { r } => ("disk", r, r),
-            };
-            // Mitsuba's unit shapes lie in the xy plane and face +z.
-            let (x, y, z, c) = (p.frame.s * (a * l.size), p.frame.t * (b * l.size), p.frame.n, p.center);
-            let rows: Vec<String> = (0..3).map(|i| format!("{} {} {} {}", x[i], y[i], z[i], c[i])).collect();
-            let matrix = format!(
-                "        <transform name=\"to_world\">\n            \
-                 <matrix value=\"{} 0 0 0 1\"/>\n        </transform>\n",
-                rows.join(" ")
-            );
-            (shape, matrix)
-        }
-        Shape::Sphere(s) => {
-            let place = format!(
-                "        <point name=\"center\" value=\"{}\"/>\n        \
-                 <float name=\"radius\" value=\"{}\"/>\n",
-                list(s.center),
-                s.radius * l.size
-            );
-            ("sphere", place)
-        }
-    };
-    if l.size <= 0.0 || radiance == Rgb::ZERO {
-        return Ok(());
-    }
-    let _ = write!(
-        out,
-        "    <shape type=\"{shape}\">\n{place}        <bsdf type=\"null\"/>\n        \
-         <emitter type=\"area\">\n            \
-         <rgb name=\"radiance\" value=\"{}\"/>\n        </emitter>\n    </shape>\n",
-        list(radiance)
-    );
-    Ok(())
-}
-
-/// [`compensation`] by the bits of IOR and slope: materials that are alike share it.
-#[derive(Default)]
-struct Compensations(HashMap<(u32, Option<u32>), f32>);
-
-impl Compensations {
-    fn get(&mut self, ior: f32, alpha: Option<f32>) -> f32 {
-        let key = (ior.to_bits(), alpha.map(f32::to_bits));
-        *self.0.entry(key).or_insert_with(|| compensation(ior, alpha))
-    }
-}
-
-/// The base colour as XML element whose name is still `NAME`; writes its texture.
-fn color(
-    material: &Material,
-    stem: &str,
-    directory: &Path,
-    compensations: &mut Compensations,
-    warnings: &mut Vec<String>,
-) -> Result<String, ExportError> {
-    if material.model() == Model::Dielectric {
-        return Ok(String::new());
-    }
-    let scale = match material.model() {
-        Model::Plastic => compensations.get(material.ior(), material.alpha()),
-        _ => 1.0,
-    };
-    let tint = material.tint() * scale;
-    let mut clamped = false;
-    let mut limit = |c: Rgb| {
-        clamped |= c.max_element() > 1.0;
-        c.min(Rgb::ONE)
-    };
-    let element = match material.texture() {
-        None => format!("<rgb name=\"NAME\" value=\"{}\"/>", list(limit(tint))),
-        Some(texture) => {
-            let [width, height] = texture.size();
-            let texels: Vec<[f32; 3]> = (0..width * height)
-                .map(|i| {
-                    let [r, g, b, _] = texture.texel(i % width, i / width);
-                    limit(Rgb::new(r, g, b) * tint).to_array()
-                })
-                .collect();
-            let image =
-                ExrImage { width, height, parts: vec![ExrPart::rgb("color", &texels)], lightopt: None };
-            write_exr(&directory.join(PathBuf::from(format!("{stem}.exr"))), &image)?;
-            format!(
-                "<texture type=\"bitmap\" name=\"NAME\">\n                    \
-                 <string name=\"filename\" value=\"{stem}.exr\"/>\n                    \
-                 <boolean name=\"raw\" value=\"true\"/>\n                    \
-                 <string name=\"format\" value=\"variant\"/>\n                \
-                 </texture>"
-            )
-        }
-    };
-    if clamped {
-        warnings.push(format!(
-            "material `{}`: its base colour exceeds 1 in Mitsuba and was clamped",
-            material.name
-        ));
-    }
-    Ok(element)
-}
-
-fn bsdf(material: &Material, color: &str, warnings: &mut Vec<String>) -> String {
-    let color = |name: &str| color.replacen("NAME", name, 1);
-    let alpha = material.alpha();
-    let coat = format!(
-        "<float name=\"int_ior\" value=\"{}\"/>\n            \
-         <float name=\"ext_ior\" value=\"1\"/>",
-        material.ior()
-    );
-    let ggx = alpha.map_or_else(String::new, |a| {
-        format!(
-            "<string name=\"distribution\" value=\"ggx\"/>\n            \
-             <float name=\"alpha\" value=\"{a}\"/>\n            "
-        )
-    });
-    let linear = "<boolean name=\"nonlinear\" value=\"false\"/>";
-    let (kind, body) = match (material.model(), alpha) {
-        (Model::Dielectric, _) => {
-            let kind = if alpha.is_some() { "roughdielectric" } else { "dielectric" };
-            return format!("        <bsdf type=\"{kind}\">\n            {ggx}{coat}\n        </bsdf>\n");
-        }
-        (Model::Diffuse, _) => ("diffuse", color("reflectance")),
-        (Model::Plastic, None) => {
-            ("plastic", format!("{}\n            {coat}\n            {linear}", color("diffuse_reflectance")))
-        }
-        (Model::Plastic, Some(_)) => (
-            "roughplastic",
-            format!("{}\n            {ggx}{coat}\n            {linear}", color("diffuse_reflectance")),
-        ),
-        (Model::Conductor, None) if material.texture().is_none() && material.tint() == Rgb::ONE => {
-            ("conductor", "<string name=\"material\" value=\"none\"/>".into())
-        }
-        (Model::Conductor, _) => {
-            if alpha.is_none() {
-                warnings.push(format!(
-                    "material `{}`: Mitsuba has no smooth metal with Schlick's reflectance; exported as slightly rough",
-                    material.name
-                ));
-            }
-            let body = format!(
-                "{}\n            <float name=\"metallic\" value=\"1\"/>\n            \
-                 <float name=\"roughness\" value=\"{}\"/>",
-                color("base_color"),
-                alpha.unwrap_or(0.0).sqrt()
-            );
-            ("principled", body)
-        }
-    };
-    format!(
-        "        <bsdf type=\"twosided\">\n            <bsdf type=\"{kind}\">\n            {body}\n            </bsdf>\n        </bsdf>\n"
-    )
-}
-
-/// Factor on the albedo of a plastic of relative IOR `ior` and GGX slope `alpha`.
-///
-/// With `nonlinear` false the base is proportional to albedo/(1 − R), R being
-/// the diffuse reflectance 2 ∫ R(μ) μ dμ of the coat from inside. We integrate
-/// it. Mitsuba 3.9 takes a polynomial fit for the smooth `plastic` (W. Egan and
-/// T. Hilgeman), 0.1 % off, and for `roughplastic` the plain mean over 64 nodes
-/// from μ = 0 to 1 with both ends in full, 1 to 2 % off.
-#[must_use]
-pub fn compensation(ior: f32, alpha: Option<f32>) -> f32 {
-    const N_NODES: u32 = 64;
-    let ggx = alpha.map(Ggx::new);
-    let weighted = |mu: f64, i: u32| 2.0 * mu * f64::from(internal_reflectance(ior, ggx, mu as f32, i));
-    let mean = |n: u32, f: &dyn Fn(u32) -> f64| (0..n).map(f).sum::<f64>() / f64::from(n);
-    let n = if alpha.is_some() { 512 } else { 4096 };
-    let exact = mean(n, &|i| weighted((f64::from(i) + 0.5) / f64::from(n), i));
-    let theirs = if alpha.is_some() {
-        // Several grids a node.
-        mean(8 * N_NODES, &|i| weighted((f64::from(i / 8) / f64::from(N_NODES - 1)).max(1e-6), i))
-    } else {
-        let eta = 1.0 / f64::from(ior);
-        -1.4399 * eta * eta + 0.7099 * eta + 0.6681 + 0.0636 / eta
-    };
-    ((1.0 - theirs) / (1.0 - exact)) as f32
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_compensation_is_the_measured_ratio_of_both_plastics() {
-        // The base of Mitsuba 3.9.1's plastics over the converged one, measured over random
-        // pairs of directions.
-        for (ior, alpha, ratio) in [
-            (1.3, None, 1.000_7),
-            (1.5, None, 1.001_154),
-            (1.8, None, 0.999_336),
-            (1.5, Some(0.04), 0.979_7),
-            (1.5, Some(0.1), 0.981_9),
-            (1.5, Some(0.25), 0.988_3),
-        ] {
-            let error = compensation(ior, alpha) * ratio - 1.0;
-            assert!(error.abs() < if alpha.is_some() { 3e-4 } else { 2e-5 }, "{ior} {alpha:?}: {error}");
-        }
-    }
 
     #[test]
     fn names_become_safe() {

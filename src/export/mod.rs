@@ -11,10 +11,8 @@ use crate::{files::atomic::AtomicWriteError, film::exr::ExrError};
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum ExportError {
-    #[error(
-        "light `{light}`: a spot has no exact counterpart in Mitsuba; export a disk (drop `angle` and `softness`)"
-    )]
-    Spot { light: String },
+    #[error("light `{light}`: a rectangle with a cone has no counterpart in Mitsuba")]
+    Cone { light: String },
     #[error(
         "light `{light}` is hidden from the camera and others are not: Mitsuba hides all lights or none; \
          give all the same `camera_visible`"

@@ -41,6 +41,75 @@ impl Part {
         part
     }
 
+    /// Whether the vertices have the normals of their triangles, on the side from
+    /// which the corners run anticlockwise.
+    pub(super) fn is_flat(&self) -> bool {
+        self.triangles.iter().all(|t| {
+            let n = self.normal(t);
+            t.iter().all(|&i| self.vertices[i as usize].1.dot(n) > 1.0 - 1e-6)
+        })
+    }
+
+    fn normal(&self, triangle: &[u32; 3]) -> Vec3 {
+        face_normal(triangle.map(|i| self.vertices[i as usize].0)).normalize_or_zero()
+    }
+
+    /// Number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Derivatives of the position by u and v (up) over a triangle.
+    fn derivatives(&self, triangle: &[u32; 3]) -> Option<[Vec3; 2]> {
+        let [(a, _, ua), (b, _, ub), (c, _, uc)] = triangle.map(|i| self.vertices[i as usize]);
+        let (p, q) = (ub - ua, uc - ua);
+        let determinant = p.perp_dot(q);
+        let d =
+            [((b - a) * q.y - (c - a) * p.y) / determinant, ((c - a) * p.x - (b - a) * q.x) / determinant];
+        Some(d).filter(|d| d.iter().all(|v| v.is_finite()))
+    }
+
+    /// Triangles on which images are mirrored.
+    pub(super) fn mirrored(&self) -> usize {
+        let is_mirrored = |t: &&[u32; 3]| {
+            self.derivatives(t).is_some_and(|[du, dv]| du.cross(dv).dot(self.vertices[t[0] as usize].1) < 0.0)
+        };
+        self.triangles.iter().filter(is_mirrored).count()
+    }
+
+    /// Least and largest width of an image on the triangles, metres.
+    pub(super) fn widths(&self) -> [f32; 2] {
+        let widths = self.triangles.iter().filter_map(|t| Some(self.derivatives(t)?[0].length()));
+        widths.fold([f32::INFINITY, 0.0], |[lo, hi], w| [lo.min(w), hi.max(w)])
+    }
+
+    /// Largest coordinate of a vertex.
+    pub(super) fn reach(&self) -> f32 {
+        self.vertices.iter().map(|v| v.0.abs().max_element()).fold(0.0, f32::max)
+    }
+
+    /// The surface moved by `distance` toward its front, the side from which the
+    /// corners run anticlockwise.
+    pub(super) fn moved(&self, distance: f32) -> Self {
+        let mut front = vec![1.0_f32; self.vertices.len()];
+        for t in &self.triangles {
+            let n = self.normal(t);
+            for &i in t {
+                front[i as usize] = self.vertices[i as usize].1.dot(n).signum();
+            }
+        }
+        let moved = |(&(p, n, uv), front): (&(Vec3, Vec3, Vec2), &f32)| (p + n * (distance * front), n, uv);
+        Self {
+            vertices: self.vertices.iter().zip(&front).map(moved).collect(),
+            triangles: self.triangles.clone(),
+        }
+    }
+
+    /// The surface with its front behind.
+    pub(super) fn turned(self) -> Self {
+        Self { triangles: self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..self }
+    }
+
     /// Whether the material is not used at all.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
@@ -89,5 +158,17 @@ mod tests {
         let part = Part::of_material(&mesh, 1);
         assert_eq!(part.vertices[2], (Vec3::Z, Vec3::NEG_Y, Vec2::ZERO));
         assert!(Part::of_material(&mesh, 2).is_empty());
+    }
+
+    #[test]
+    fn a_surface_is_moved_toward_its_front_whichever_way_its_normals_look() {
+        let part = Part {
+            vertices: [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| (p, Vec3::NEG_Z, Vec2::ZERO)).to_vec(),
+            triangles: vec![[0, 1, 2]],
+        };
+        assert!(!part.is_flat());
+        let moved = part.moved(0.5);
+        assert!(moved.vertices.iter().all(|v| v.0.z == 0.5));
+        assert_eq!(moved.turned().normal(&[0, 2, 1]), Vec3::NEG_Z);
     }
 }

@@ -35,7 +35,8 @@ pub struct Cone {
 
 impl Cone {
     /// Relative radiance at `cos_theta` from the axis: a smooth step in the cosine.
-    pub(super) fn profile(&self, cos_theta: f32) -> f32 {
+    #[must_use]
+    pub fn profile(&self, cos_theta: f32) -> f32 {
         let width = self.cos_inner - self.cos_outer;
         if width <= 0.0 {
             return if cos_theta >= self.cos_outer { 1.0 } else { 0.0 };

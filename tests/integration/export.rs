@@ -150,16 +150,89 @@ fn a_lighting_that_was_found_is_exported() {
     assert!(xml.contains("name=\"radiance\" value=\"7, 7, 7\""), "{xml}");
 }
 
+/// The scene.xml of the scene lit by `lights`, and what the program said.
+fn exported(lights: &str) -> (TempDir, String, String) {
+    let directory = scene(lights);
+    let output = export(directory.path()).assert().success().get_output().stderr.clone();
+    let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
+    assert_well_formed(&xml);
+    (directory, xml, String::from_utf8(output).unwrap())
+}
+
+#[test]
+fn a_spot_is_many_emitters_that_project_one_picture() {
+    let spot = DISK.replace("\"disk\"", "\"spot\"") + "angle = 30.0\nsoftness = 0.5\n";
+    let (directory, xml, said) = exported(&spot);
+    assert!(said.contains("key") && said.contains("1024 points"), "{said}");
+    assert_eq!(xml.matches("<emitter type=\"spot\">").count(), 1024);
+    assert_eq!(xml.matches("<ref name=\"texture\" id=\"light_key\"/>").count(), 1024);
+    let read = lightopt_embree::film::exr::read_exr(&directory.path().join("out/light_key.exr")).unwrap();
+    let profile = read.parts[0].channel("Y").unwrap();
+    assert!((profile[read.width * (read.height / 2) + read.width / 2] - 1.0).abs() < 1e-3);
+    assert!(profile[0] == 0.0, "the corners lie outside the cone");
+    // Together as bright as the disk: L π r² / n each, at full size.
+    let intensity: f32 = xml
+        .split_once("name=\"intensity\" value=\"")
+        .and_then(|(_, rest)| rest.split([',', '"']).next())
+        .and_then(|v| v.parse().ok())
+        .unwrap();
+    assert!((intensity * 1024.0 / (3.0 * std::f32::consts::PI * 0.25) - 1.0).abs() < 1e-5);
+
+    let (_directory, xml, _) = exported(&spot.replace("radius = 0.5", "radius = 0"));
+    assert_eq!(xml.matches("<emitter type=\"spot\">").count(), 1);
+}
+
+#[test]
+fn lights_at_infinity_and_bodies_that_stop_light_are_exported() {
+    let sun = "[[lights]]\nname = \"sun\"\ntype = \"distant\"\nlook_at = [0.0, -2.0, 0.0]\nradiance = 3.0\n";
+    let sky = "[[lights]]\nname = \"sky\"\ntype = \"environment\"\nradiance = 2.0\n";
+    let (_directory, xml, _) = exported(&format!("{sun}{sky}{DISK}occludes = true\n"));
+    for part in [
+        "<vector name=\"direction\" value=\"0, -1, 0\"/>",
+        "<rgb name=\"irradiance\" value=\"3, 3, 3\"/>",
+        "<emitter type=\"constant\">",
+        "<rgb name=\"reflectance\" value=\"0\"/>",
+    ] {
+        assert!(xml.contains(part), "{part} is not in\n{xml}");
+    }
+    assert!(!xml.contains("\"null\""));
+    // Hidden from the camera, the black body stays and what shines lies before it.
+    let (_directory, xml, _) = exported(&format!("{DISK}occludes = true\ncamera_visible = false\n"));
+    assert!(xml.contains("\"hide_emitters\" value=\"true\""));
+    assert_eq!(xml.matches("<shape type=\"disk\">").count(), 2);
+}
+
+#[test]
+fn an_emissive_material_shines_and_a_lens_is_kept() {
+    let directory = scene("");
+    let path = |name: &str| directory.path().join(name);
+    fs::write(path("s.mtl"), MTL.replace("illum 1\n", "Ke 1 2 3\nd 0.5\nillum 1\n")).unwrap();
+    let sidecar = SIDECAR.replace("vfov", "aperture_radius = 0.1\nfocus_distance = 2.5\nvfov");
+    fs::write(path("s.toml"), sidecar).unwrap();
+    export(directory.path()).assert().success();
+    let xml = fs::read_to_string(path("out/scene.xml")).unwrap();
+    assert_well_formed(&xml);
+    for part in [
+        "<sensor type=\"thinlens\">",
+        "name=\"aperture_radius\" value=\"0.1\"",
+        "name=\"focus_distance\" value=\"2.5\"",
+        "<bsdf type=\"mask\">",
+        "<emitter type=\"area\">",
+    ] {
+        assert!(xml.contains(part), "{part} is not in\n{xml}");
+    }
+    // What lets half of the light pass shines half as bright: the sum of 1, 2 and 3 over 2.
+    let radiance = xml.split_once("name=\"radiance\" value=\"").unwrap().1.split_once('"').unwrap().0;
+    let sum: f32 = radiance.split(", ").map(|v| v.parse::<f32>().unwrap()).sum();
+    assert!((sum - 3.0).abs() < 1e-5, "{radiance}");
+}
+
 #[test]
 fn what_cannot_be_represented_is_refused_before_anything_is_written() {
-    let spot = DISK.replace("\"disk\"", "\"spot\"") + "angle = 30.0\n";
-    let directory = scene(&spot);
-    export(directory.path()).assert().code(1).stderr(contains("key").and(contains("spot")));
-    assert!(!directory.path().join("out").exists());
-
     let other = DISK.replace("\"key\"", "\"hidden\"") + "camera_visible = false\n";
     let directory = scene(&format!("{DISK}{other}"));
     export(directory.path()).assert().code(1).stderr(contains("hidden").and(contains("camera_visible")));
+    assert!(!directory.path().join("out").exists());
     let directory = scene(&other);
     export(directory.path()).assert().success();
     let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();

@@ -9,12 +9,13 @@ statistics: every pixel and channel by a z-test at level 0.01 with Sidak correct
 mean of the picture within 0.3 %. One line a scene; exit status 1 when one differs. On failure
 both pictures and the map of z are written to target/test-out/mitsuba.
 
-The variances are those of the means over the seeds, not below the picture's median, as in
-tests/support/compare.rs; with so few seeds a ratio follows Student's t, so it is first turned
+The variances are those of the means over the seeds, not below the picture's median, nor below
+what the other program's samples leave if they are as few; with so few seeds a ratio follows Student's t, so it is first turned
 into the normal deviate of the same probability.
 """
 
 import argparse
+import json
 import math
 import subprocess
 import sys
@@ -33,31 +34,47 @@ ALPHA = 0.01
 MAX_MEAN_DIFFERENCE = 0.003
 # A mean known no better than this cannot be judged.
 MAX_MEAN_ERROR = 0.001
+# Seed of Mitsuba's first render; the others follow.
+FIRST_SEED = 7000
+# Reference pictures: where, their size, and their samples over those of a comparison.
+REFERENCES = HERE / "references"
+REFERENCE_SIZE = "32x24"
+REFERENCE_FACTOR = 4
 
 # Name: samples per pixel of a seed, ours and Mitsuba's. Noisy scenes have more.
 SCENES = {
-    "cornell": (256, 512),
-    "glossy_floor": (256, 512),
-    "smooth_plastic": (256, 512),
-    "rough_conductor": (256, 512),
-    "caustic": (256, 2048),
-    "smooth_glass": (256, 2048),
-    "rough_glass": (256, 1024),
-    "smooth_normals": (256, 512),
-    "lights_in_line": (256, 512),
-    "textured": (256, 512),
-    "point_light": (256, 512),
-    "fruit_basket": (256, 512),
+    "cornell": (64, 256),
+    "glossy_floor": (64, 256),
+    "smooth_plastic": (64, 256),
+    "rough_conductor": (64, 256),
+    "caustic": (256, 1024),
+    "smooth_glass": (128, 512),
+    "rough_glass": (64, 256),
+    "smooth_normals": (64, 256),
+    "lights_in_line": (64, 256),
+    "textured": (64, 256),
+    "point_light": (64, 256),
+    "environment": (64, 256),
+    "overcast": (64, 256),
+    "spot": (64, 256),
+    "sun": (64, 256),
+    "shining_mesh": (64, 256),
+    "thin_lens": (64, 256),
+    "normal_mapped": (64, 256),
+    "cutout": (64, 256),
+    "metallic_blend": (64, 256),
+    "fruit_basket": (96, 192),
 }
 
 
 class Moments:
     """Mean and variance of the mean over equal renders, per pixel and of the whole picture."""
 
-    def __init__(self, images):
+    def __init__(self, images, spp):
         stack = np.stack([i.astype(np.float64) for i in images])
         n = len(stack)
         self.n = n
+        self.samples = n * spp
         self.mean = stack.mean(0)
         self.variance = stack.var(0, ddof=1) / n
         totals = stack.mean((1, 2, 3))
@@ -84,14 +101,14 @@ def ours(program, name, size, spp, seeds, integrator, directory):
             "--seed", 1000 + seed, "-o", path)
         channels = OpenEXR.File(str(path), separate_channels=True).parts[0].channels
         images.append(np.stack([channels[c].pixels for c in "RGB"], axis=-1))
-    return Moments(images)
+    return Moments(images, spp)
 
 
 def theirs(program, name, size, spp, seeds, directory):
     out = directory / name
     run(program, "export", "--format", "mitsuba", "--size", size, "-o", out, scene_file(name))
     scene = mi.load_file(str(out / "scene.xml"))
-    return Moments([np.array(mi.render(scene, spp=spp, seed=7000 + seed)) for seed in range(seeds)])
+    return Moments([np.array(mi.render(scene, spp=spp, seed=FIRST_SEED + seed)) for seed in range(seeds)], spp)
 
 
 def normal_deviate(t, dof):
@@ -100,7 +117,10 @@ def normal_deviate(t, dof):
 
 
 def z_map(a, b):
-    variance = a.variance + b.variance
+    # Renders that all missed what is rarely seen have hardly any variance: each program's is at
+    # least what the other's samples have if they are as few.
+    ratio = b.samples / a.samples
+    variance = np.maximum(a.variance, b.variance * ratio) + np.maximum(b.variance, a.variance / ratio)
     floor = max(np.median(variance), 1e-30)
     # Welch's degrees of freedom; those of a pixel at the floor are many.
     dof = np.maximum(variance, floor) ** 2 / np.maximum(
@@ -121,7 +141,7 @@ def write_failure(name, a, b, z):
 
 def compare(args, name, directory):
     start = time.monotonic()
-    our_spp, their_spp = (max(16, int(n * args.scale)) for n in SCENES[name])
+    our_spp, their_spp = (max(32, int(n * args.scale)) for n in SCENES[name])
     a = ours(args.program, name, args.size, our_spp, args.seeds, args.integrator, directory)
     middle = time.monotonic()
     b = theirs(args.program, name, args.size, their_spp, args.seeds, directory)
@@ -133,7 +153,8 @@ def compare(args, name, directory):
     worst = np.abs(z).max()
     within = np.mean(np.abs(z) < NormalDist().inv_cdf(1 - ALPHA / 2))
     difference = a.total / b.total - 1
-    error = math.sqrt(a.total_variance + b.total_variance) / b.total
+    errors = [math.sqrt(m.total_variance) / b.total for m in (a, b)]
+    error = math.hypot(*errors)
     faults = []
     if worst > threshold:
         faults.append(f"{np.count_nonzero(np.abs(z) > threshold)} values differ")
@@ -141,24 +162,50 @@ def compare(args, name, directory):
         faults.append("means differ")
     if error > MAX_MEAN_ERROR and not args.quick:
         faults.append("too noisy to judge the mean")
-    print(f"{name:<16} {100 * difference:+8.3f} % {100 * error:7.3f} % {100 * within:9.2f} % "
-          f"{np.sqrt(np.mean(z * z)):7.3f} {worst:8.2f} {threshold:6.2f} "
+    print(f"{name:<16} {100 * difference:+8.3f} % {100 * error:6.3f} % ({100 * errors[0]:.3f}, {100 * errors[1]:.3f}) "
+          f"{100 * within:9.2f} % {np.sqrt(np.mean(z * z)):7.3f} {worst:8.2f} {threshold:6.2f} "
           f"{middle - start:6.0f} s {end - middle:6.0f} s  {'; '.join(faults) or 'same'}", flush=True)
     if faults:
         write_failure(name, a, b, z)
     return not faults
 
 
+def write_reference(args, name, directory):
+    """Mitsuba's mean and the variance of it, for tests that have no Mitsuba."""
+    spp = REFERENCE_FACTOR * SCENES[name][1]
+    start = time.monotonic()
+    m = theirs(args.program, name, REFERENCE_SIZE, spp, args.seeds, directory)
+    note = {
+        "command": f"compare.py --write-references --only {name} --seeds {args.seeds}",
+        "mitsuba": f"{mi.__version__} {mi.variant()}",
+        "renders": args.seeds,
+        "seeds": [FIRST_SEED, FIRST_SEED + args.seeds - 1],
+        "spp": spp,
+        "variance_of_mean": m.total_variance,
+    }
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+              "lightopt": json.dumps(note, sort_keys=True)}
+    planes = {"": m.mean, "variance.": m.variance}
+    channels = {prefix + c: np.ascontiguousarray(values[..., i].astype(np.float32))
+                for prefix, values in planes.items() for i, c in enumerate("RGB")}
+    REFERENCES.mkdir(exist_ok=True)
+    OpenEXR.File(header, channels).write(str(REFERENCES / f"{name}.exr"))
+    print(f"{name:<16} mean {m.total:.5f}, error {100 * math.sqrt(m.total_variance) / m.total:.3f} %, "
+          f"{time.monotonic() - start:.0f} s", flush=True)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", metavar="NAME", action="append", choices=SCENES, help="this scene (repeatable)")
-    parser.add_argument("--quick", action="store_true", help="an eighth of the samples; means may differ by 3 standard errors more")
+    parser.add_argument("--quick", action="store_true", help="a quarter of the samples; means may differ by 3 standard errors more")
     parser.add_argument("--size", default="48x36", help="of the pictures (default 48x36)")
     parser.add_argument("--seeds", type=int, default=16, help="renders of each program (default 16)")
     parser.add_argument("--integrator", choices=["bdpt", "path"], default="bdpt", help="ours (default bdpt)")
+    parser.add_argument("--write-references", action="store_true",
+                        help="only render with Mitsuba, into tests/mitsuba/references")
     parser.add_argument("--program", default=str(ROOT / "target" / "release" / "lightopt-embree"))
     args = parser.parse_args()
-    args.scale = 0.125 if args.quick else 1.0
+    args.scale = 0.25 if args.quick else 1.0
 
     try:
         mi.set_variant("llvm_ad_rgb")
@@ -166,8 +213,13 @@ def main():
     except (ImportError, RuntimeError):
         mi.set_variant("scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)
+    if args.write_references:
+        with tempfile.TemporaryDirectory() as directory:
+            for name in args.only or [n for n in SCENES if (HERE / "scenes" / f"{n}.obj").exists()]:
+                write_reference(args, name, Path(directory))
+        return
     print(f"Mitsuba {mi.__version__} {mi.variant()}, {args.size}, {args.seeds} seeds, ours: {args.integrator}")
-    print("scene            difference   error  within 99%   rms z  worst z  limit     ours  mitsuba")
+    print("scene            difference   error   (ours, Mitsuba)  within 99%   rms z  worst z  limit     ours  mitsuba")
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as directory:
         same = [compare(args, name, Path(directory)) for name in args.only or SCENES]

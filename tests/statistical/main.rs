@@ -6,6 +6,7 @@ mod basis;
 mod basket;
 mod bsdf;
 mod light;
+mod mitsuba;
 mod spawn;
 mod surroundings;
 mod transport;

@@ -72,14 +72,31 @@ fn welch(variance: f64, va: f64, na: u64, vb: f64, nb: u64) -> f64 {
     (variance * variance / spread.max(1e-300)).min(1e6)
 }
 
-/// Fails unless two measurements agree: each pixel's mean over the channels by
-/// a z-test at level 0.01 with Šidák correction, and the picture's mean.
+/// Relative error of a pixel that is summed in f32.
+const ROUNDING: f64 = 1e-5;
+
+/// How two measurements differ.
+pub struct Comparison {
+    /// Normal deviate of each pixel.
+    pub z: Vec<f64>,
+    /// The largest of them, in magnitude.
+    pub worst: f64,
+    /// Normal deviate of the picture's mean.
+    pub total: f64,
+    /// What none of them exceeds by chance, at level 0.01 with Šidák correction.
+    pub threshold: f64,
+    /// Difference of the pictures' means over the second's, and its standard error.
+    pub relative: [f64; 2],
+}
+
+/// Compares two measurements: each pixel's mean over the channels, and the picture's mean.
 ///
-/// A variance floor of the median pixel's keeps a pixel that happened to see no
-/// noise from deciding; with few renders a ratio follows Student's t, so it is
+/// A variance floor of the median pixel's, and of rounding, keeps a pixel that
+/// happened to see no noise from deciding; with few renders a ratio follows Student's t, so it is
 /// first turned into the normal deviate of the same probability.
-pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
+pub fn compare(a: &Measured, b: &Measured) -> Comparison {
     let n = a.pixels.len();
+    assert_eq!((a.size, n), (b.size, b.pixels.len()));
     let gray = |p: &[Moments; 3]| {
         let mean = p.iter().map(Moments::mean).sum::<f64>() / 3.0;
         // Channels of one pixel are fully dependent: add deviations, not variances.
@@ -96,50 +113,62 @@ pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
         .zip(&b.pixels)
         .map(|(p, q)| {
             let ((ma, va), (mb, vb)) = (gray(p), gray(q));
-            let variance = (va + vb).max(floor).max(1e-30);
+            let rounding = (ROUNDING * mb).powi(2);
+            let variance = (va + vb).max(floor).max(rounding).max(1e-30);
             normal_deviate((ma - mb) / variance.sqrt(), welch(variance, va, p[0].n(), vb, q[0].n()))
         })
         .collect();
-    let threshold = sidak_z(0.01, n + 1);
-    let worst = z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let (va, vb) = (a.total.variance_of_mean(), b.total.variance_of_mean());
     let variance = (va + vb).max(1e-30);
-    let total = normal_deviate(
-        (a.total.mean() - b.total.mean()) / variance.sqrt(),
-        welch(variance, va, a.total.n(), vb, b.total.n()),
-    );
-    let relative = (a.total.mean() - b.total.mean()) / b.total.mean();
+    let difference = a.total.mean() - b.total.mean();
+    let dof = welch(variance, va, a.total.n(), vb, b.total.n());
+    Comparison {
+        worst: z.iter().fold(0.0_f64, |m, v| m.max(v.abs())),
+        z,
+        total: normal_deviate(difference / variance.sqrt(), dof),
+        threshold: sidak_z(0.01, n + 1),
+        relative: [difference / b.total.mean(), variance.sqrt() / b.total.mean()],
+    }
+}
+
+/// Fails unless two measurements agree, pixel by pixel and on the whole.
+pub fn assert_same(name: &str, a: &Measured, b: &Measured) {
+    let c = compare(a, b);
     println!(
-        "{name}: worst pixel z {worst:.2}, picture z {total:.2}, means {:.5} {:.5} ({:+.3} %), threshold {threshold:.2}",
+        "{name}: worst pixel z {:.2}, picture z {:.2}, means {:.5} {:.5} ({:+.3} %), threshold {:.2}",
+        c.worst,
+        c.total,
         a.total.mean(),
         b.total.mean(),
-        100.0 * relative
+        100.0 * c.relative[0],
+        c.threshold
     );
-    if worst > threshold || total.abs() > threshold {
-        let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("../test-out");
-        fs::create_dir_all(&dir).unwrap();
-        let map = |f: &dyn Fn(usize) -> [f32; 3]| -> image::Rgb32FImage {
-            image::Rgb32FImage::from_fn(a.size.x, a.size.y, |x, y| image::Rgb(f((y * a.size.x + x) as usize)))
-        };
-        let mean =
-            |m: &Measured, i: usize| std::array::from_fn(|c| (m.pixels[i][c].mean() as f32).powf(1.0 / 2.2));
-        for (suffix, picture) in [
-            ("a", map(&|i| mean(a, i))),
-            ("b", map(&|i| mean(b, i))),
-            (
-                "z",
-                map(&|i| {
-                    [
-                        (z[i] / 10.0).max(0.0) as f32,
-                        (z[i].abs() - threshold).max(0.0) as f32,
-                        (-z[i] / 10.0).max(0.0) as f32,
-                    ]
-                }),
-            ),
-        ] {
-            let path = dir.join(format!("{name}-{suffix}.png"));
-            image::DynamicImage::ImageRgb32F(picture).into_rgb8().save(&path).unwrap();
-        }
+    if c.worst > c.threshold || c.total.abs() > c.threshold {
+        let dir = write_failure(name, a, b, &c);
         panic!("{name}: pictures differ; see {}", dir.display());
     }
+}
+
+/// Writes both pictures and the map of z; returns where.
+pub fn write_failure(name: &str, a: &Measured, b: &Measured, c: &Comparison) -> PathBuf {
+    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("../test-out");
+    fs::create_dir_all(&dir).unwrap();
+    let map = |f: &dyn Fn(usize) -> [f32; 3]| -> image::Rgb32FImage {
+        image::Rgb32FImage::from_fn(a.size.x, a.size.y, |x, y| image::Rgb(f((y * a.size.x + x) as usize)))
+    };
+    let mean = |m: &Measured, i: usize| {
+        std::array::from_fn(|c| (m.pixels[i][c].mean().max(0.0) as f32).powf(1.0 / 2.2))
+    };
+    let z = |i: usize| {
+        [
+            (c.z[i] / 10.0).max(0.0) as f32,
+            (c.z[i].abs() - c.threshold).max(0.0) as f32,
+            (-c.z[i] / 10.0).max(0.0) as f32,
+        ]
+    };
+    for (suffix, picture) in [("a", map(&|i| mean(a, i))), ("b", map(&|i| mean(b, i))), ("z", map(&z))] {
+        let path = dir.join(format!("{name}-{suffix}.png"));
+        image::DynamicImage::ImageRgb32F(picture).into_rgb8().save(&path).unwrap();
+    }
+    dir
 }

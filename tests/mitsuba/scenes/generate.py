@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the scenes of the comparison beside itself: OBJ, MTL, sidecar and one texture.
+"""Writes the scenes of the comparison beside itself: OBJ, MTL, sidecar and pictures.
 
 Needs nothing but Python. Run it again after a change and commit what it writes.
 """
@@ -29,6 +29,15 @@ MATERIALS = {
     "mirror": "Kd 1 1 1\nPm 1\nPr 0\nillum 2",
     "glass": "Ni 1.5\nPr 0\nillum 7",
     "rough_glass": "Ni 1.5\nPr 0.5\nillum 7",
+    "lamp": "Kd 0.4 0.4 0.4\nKe 5 4 2.5\nillum 1",
+    "bulb": "Kd 0.3 0.3 0.5\nKe 2 3 5\nillum 1",
+    "waves": "Kd 0.6 0.5 0.4\nKs 0.04 0.04 0.04\nNi 1.5\nPr 0.4\nnorm waves.png\nillum 2",
+    "dents": "Kd 0.4 0.6 0.7\nmap_Bump -bm 15 -s 2 3 1 -o 0.1 0.2 0 dents.png\nillum 1",
+    "veil": "Kd 0.7 0.3 0.2\nd 0.5\nillum 1",
+    "leaf": "Kd 0.2 0.6 0.2\nmap_d dents.png\nKs 0.04 0.04 0.04\nNi 1.5\nPr 0.4\nillum 2",
+    "half_metal": "Kd 0.9 0.6 0.3\nKs 0.04 0.04 0.04\nNi 1.5\nPm 0.5\nPr 0.4\nillum 2",
+    "rusty": "Kd 0.8 0.5 0.3\nmap_Pm dents.png\nPr 0.5\nillum 1",
+    "worn": "Kd 0.8 0.8 0.7\nPm 1\nmap_Pr dents.png\nillum 2",
     "checks": "Kd 0.9 0.8 1.0\nmap_Kd textured.png\nillum 1",
 }
 
@@ -143,6 +152,20 @@ def png(path, width, height, pixel):
                      + chunk(b"IEND", b""))
 
 
+def hdr(path, width, height, pixel):
+    """Radiance RGBE, not compressed."""
+    def rgbe(rgb):
+        exponent = max(math.frexp(max(rgb))[1], -127)
+        return bytes(min(int(c * 2.0 ** (8 - exponent)), 255) for c in rgb) + bytes([exponent + 128])
+    header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n"
+    path.write_bytes(header.encode() + b"".join(rgbe(pixel(x, y)) for y in range(height) for x in range(width)))
+
+
+def ground(o, material="white"):
+    o.group("ground", material)
+    o.quad([-2, 0, -2], [0, 0, 4], [4, 0, 0])
+
+
 def main():
     o = Obj()
     o.room()
@@ -175,7 +198,7 @@ def main():
     o.group("ring", "mirror")
     ring(o, [0.0, 0.0, 0.2], 0.5, 0.35, 64)
     small = {"name": '"small"', "type": '"disk"', "position": [0.7, 1.4, 0.5], "look_at": [0.0, 0.1, 0.2],
-             "radius": 0.12, "radiance": 60.0}
+             "radius": 0.25, "radiance": 14.0}
     o.write("caustic", "ring", [small])
 
     # A light before a light before a light: all are counted along a ray, and none shades the others.
@@ -202,6 +225,105 @@ def main():
     o.group("boxes", "white")
     o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
     o.write("textured", "boxes", [ceiling()])
+
+    def sky(x, y):
+        if y >= 4:
+            return (0.25 + 0.02 * (x % 3), 0.2, 0.12)
+        window = (6.0, 5.0, 4.0) if 3 <= x <= 4 and y in (1, 2) else (0.0, 0.0, 0.0)
+        return tuple(w + c for w, c in zip(window, (0.2 + 0.04 * x, 0.5, 0.9 - 0.1 * y)))
+    hdr(HERE / "sky.hdr", 16, 8, sky)
+    o = Obj()
+    ground(o)
+    o.group("box", "blue")
+    o.box([-0.9, 0.0, -0.3], [-0.3, 0.8, 0.3])
+    o.group("ball", "rough_plastic")
+    o.sphere([0.45, 0.5, 0.2], 0.5, 12)
+    sky_light = {"name": '"sky"', "type": '"environment"', "image": '"sky.hdr"', "rotation": 40.0,
+                 "radiance": 0.8, "color": [1.0, 0.95, 0.9]}
+    o.write("environment", "ball", [sky_light])
+
+    o = Obj()
+    ground(o)
+    o.group("boxes", "white")
+    o.box([-0.9, 0.0, -0.6], [-0.3, 1.2, 0.0])
+    o.group("roof", "red")
+    o.box([0.0, 0.6, -0.6], [0.9, 0.7, 0.4])
+    cloud = {"name": '"cloud"', "type": '"environment"', "radiance": 1.2, "color": [0.9, 1.0, 1.1]}
+    o.write("overcast", "boxes", [cloud])
+
+    o = Obj()
+    o.room()
+    o.group("boxes", "rough_plastic")
+    o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
+    lights = [
+        {"name": '"disk"', "type": '"spot"', "position": [0.5, 1.8, 0.4], "look_at": [-0.3, 0.2, -0.3],
+         "radius": 0.15, "angle": 35.0, "softness": 0.5, "radiance": 40.0, "color": [1.0, 0.8, 0.6]},
+        {"name": '"point"', "type": '"spot"', "position": [-0.6, 1.6, 0.6], "look_at": [0.6, 0.3, -0.5],
+         "radius": 0.0, "angle": 25.0, "softness": 0.3, "radiance": 2.0, "color": [0.5, 0.8, 1.0]},
+    ]
+    o.write("spot", "boxes", lights)
+
+    o = Obj()
+    o.room("rough_plastic")
+    o.group("boxes", "white")
+    o.box([-0.5, 0.0, -0.6], [0.0, 0.7, -0.1])
+    sun = {"name": '"sun"', "type": '"distant"', "position": [1.0, 1.5, 3.0], "look_at": [0.0, 0.0, 0.0],
+           "radiance": 3.0, "color": [1.0, 0.9, 0.7]}
+    o.write("sun", "boxes", [sun])
+
+    # Emitters that are surfaces: a flat one, one with smooth normals, and a body that stops light.
+    o = Obj()
+    o.room()
+    o.group("lamp", "lamp")
+    o.box([-0.7, 1.2, -0.6], [-0.4, 1.4, -0.3])
+    o.group("bulb", "bulb")
+    o.sphere([0.5, 0.3, 0.2], 0.2, 5)
+    shade = {"name": '"shade"', "type": '"disk"', "position": [0.2, 1.2, -0.2], "look_at": [0.0, 0.0, 0.0],
+             "radius": 0.3, "radiance": 4.0, "occludes": "true"}
+    o.write("shining_mesh", "bulb", [shade])
+
+    o = Obj()
+    o.room()
+    o.group("boxes", "white")
+    o.box([-0.7, 0.0, -0.6], [-0.1, 1.1, 0.0])
+    o.box([0.1, 0.0, -0.1], [0.6, 0.5, 0.4])
+    o.write("thin_lens", "boxes", [ceiling()],
+            CAMERA.rstrip() + "\naperture_radius = 0.08\nfocus_distance = 3.5\n")
+
+    # One period of waves as normals, and of dents as numbers.
+    def waves(x, y):
+        tilt = (0.5 * math.sin(2 * math.pi * (x + 0.5) / 16), 0.4 * math.cos(4 * math.pi * (y + 0.5) / 16))
+        length = math.sqrt(1 + tilt[0] ** 2 + tilt[1] ** 2)
+        return tuple(round(127.5 * (c / length + 1)) for c in (*tilt, 1.0))
+    png(HERE / "waves.png", 16, 16, waves)
+    def dents(x, y):
+        d = math.hypot(x - 7.5, y - 6.5) / 6
+        return (round(40 + 200 * max(0.0, 1 - d * d)),) * 3
+    png(HERE / "dents.png", 16, 16, dents)
+
+    o = Obj()
+    o.room("waves")
+    o.group("panel", "dents")
+    o.quad([-0.8, 0.2, -0.6], [1.0, 0, 0.4], [0, 1.0, 0])
+    o.group("turned", "waves")
+    o.quad([0.7, 0.2, -0.2], [0, 0.8, 0], [-0.5, 0, 0.3])
+    o.write("normal_mapped", "panel", [ceiling()])
+
+    o = Obj()
+    o.room()
+    o.group("veil", "veil")
+    o.quad([-0.8, 0.2, -0.2], [0.8, 0, 0.3], [0, 1.2, 0])
+    o.group("leaf", "leaf")
+    o.quad([0.1, 0.7, 0.3], [0.7, 0, 0], [0, 0.2, -0.9])
+    o.write("cutout", "veil", [ceiling()])
+
+    o = Obj()
+    o.room("rusty")
+    o.group("ball", "half_metal")
+    o.sphere([-0.45, 0.4, 0.1], 0.4, 8)
+    o.group("panel", "worn")
+    o.quad([0.1, 0.1, -0.4], [0.7, 0, 0.3], [0, 1.0, 0])
+    o.write("metallic_blend", "ball", [ceiling()])
 
 
 if __name__ == "__main__":
