@@ -129,7 +129,7 @@ impl TransportBasis {
                     matches!(s, SizeBins::Fixed(_)) || matches!(s, SizeBins::Free(k) if k.is_sound())
             })
             .collect();
-        if !sizes_sound || sizes.is_empty() || !(header.largest_value >= 0.0) {
+        if !sizes_sound || sizes.is_empty() || header.largest_value.is_nan() || header.largest_value < 0.0 {
             return Err(damaged());
         }
         let nodes = ValueNodes::new(header.largest_value, header.n_nodes.clamp(1, 64));
