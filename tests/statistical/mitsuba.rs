@@ -173,7 +173,8 @@ fn a_scene_that_is_not_quite_the_same_is_rejected() {
     // The red wall darker by a fifth, and the light brighter to make up for it on the whole.
     let mut scene = load("cornell");
     let red = scene.materials.iter().position(|m| m.name == "red").unwrap();
-    scene.materials[red].set_value(0.8, 1.0);
+    scene.set_background(vec![red]);
+    scene.set_background_value(0.8, 1.0);
     let brightness = judged(&scene).1;
     scene.lights[0].radiance /= brightness as f32;
     assert!(!judged(&scene).0, "a wall that is too dark passes");
