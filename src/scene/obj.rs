@@ -34,7 +34,8 @@
 //! | --- | --- |
 //! | `Ks`, `map_Ks` | specular level: the coat has twice this strength, 1 at most |
 //! | `Pr` or `Ns`, `map_Pr` or `map_Ns` | roughness, `1 − √(Ns/1000)`; with 900 where the first line names no version |
-//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm` or `map_refl` | share of metal |
+//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm`, `map_refl` or `refl` | share of metal |
+//! | `map_Kd` | replaces `Kd`; `map_Ke` replaces a black `Ke` |
 //! | `Tf` ≥ 0.5 | `dielectric`; `illum` 6 and 9 are no glass but say that `d` < 1 |
 
 use std::{collections::HashMap, fs, path::Path};
@@ -66,6 +67,10 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
     let mut warnings = Vec::new();
     for (line, keyword) in &plain.unsupported {
         warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
+    }
+    for (line, what) in &plain.absent {
+        let file = path.display();
+        warnings.push(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
     }
     let library = material_library(path, &plain, &mut warnings)?;
     let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
@@ -115,12 +120,11 @@ fn material_library(
     for (line, names) in &plain.libraries {
         // One name with spaces, or several names.
         let whole = names.trim_matches('"').replace('\\', "/");
-        let files = if dir.join(&whole).is_file() {
-            vec![whole]
-        } else {
-            whole.split_whitespace().map(str::to_owned).collect()
-        };
-        for file in files.iter().map(|f| dir.join(f)) {
+        let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
+        let is_several = words.iter().any(|w| dir.join(w).is_file()) && !dir.join(&whole).is_file();
+        let files = if is_several { words } else { vec![whole] };
+        let files = files.iter().filter(|f| !f.is_empty());
+        for file in files.map(|f| dir.join(f)) {
             let bytes = match fs::read(&file) {
                 Ok(bytes) => bytes,
                 Err(e) => {

@@ -94,6 +94,16 @@ fn given_normals_are_kept_where_only_some_corners_have_them() {
 }
 
 #[test]
+fn indices_into_lists_that_the_file_does_not_have_are_left_out() {
+    let plain = load_ok(&format!("{SQUARE}f 1 2 3 4\n"));
+    let s = load_ok(&format!("{SQUARE}f 1/1/1 2/2/1 3/3/1 4/-4/-1\n"));
+    assert_eq!((&s.mesh.indices, &s.mesh.normals), (&plain.mesh.indices, &plain.mesh.normals));
+    let of = |what| format!("room.obj:5: faces name {what}, of which the file has none: left out");
+    assert_eq!(s.warnings.len(), 2, "{:?}", s.warnings);
+    assert!(s.warnings[0].ends_with(&of("texture coordinates")) && s.warnings[1].ends_with(&of("normals")));
+}
+
+#[test]
 fn objects_groups_and_materials_are_respected() {
     let s = load_ok(&format!(
         "mtllib room.mtl\n{SQUARE}f 1 2 3\no fruit\nusemtl red\ng apple left\nf 1 2 3\nusemtl floor\nf 1 3 4\n\
@@ -124,6 +134,9 @@ fn a_missing_library_is_a_warning_and_its_materials_are_grey_but_named() {
     assert_eq!(s.warnings.len(), 1);
     assert!(s.warnings[0].contains("room.obj:1: material library"), "{:?}", s.warnings);
     assert!(s.warnings[0].contains("other.mtl") && s.warnings[0].contains("using grey"));
+    // A name with spaces is one name unless some of its words are files.
+    let n_warnings = |library: &str| load_ok(&OBJ.replace("room.mtl", library)).warnings.len();
+    assert_eq!(["no such file.mtl", "room.mtl no.mtl", "no.mtl room.mtl", ""].map(n_warnings), [1, 1, 1, 3]);
     let names: Vec<&str> = s.materials.iter().map(|(n, _)| n.as_str()).collect();
     assert_eq!(names, ["floor", "wall", "red"]);
     assert!(s.materials.iter().all(|(_, p)| p.model == Model::Diffuse && p.base_color.x == 0.8));
@@ -221,6 +234,8 @@ fn textures_are_found_beside_the_scene() {
         image::RgbImage::from_pixel(2, 2, image::Rgb([255, 188, 0])).save(room.path("maps/a b.png")).unwrap();
         // A PNG by content.
         std::fs::copy(room.path("maps/a b.png"), room.path("b.jpg")).unwrap();
+        std::fs::create_dir(room.path("textures")).unwrap();
+        std::fs::copy(room.path("maps/a b.png"), room.path("textures/c.png")).unwrap();
         obj::load(&room.path("room.obj"), CREASE)
             .map(|s| s.materials[0].1.texture.as_ref().unwrap().sample(glam::Vec2::ZERO).to_array())
     };
@@ -229,7 +244,15 @@ fn textures_are_found_beside_the_scene() {
         assert!((r, b) == (1.0, 0.0) && (g - 0.5).abs() < 0.01, "{name}: {r} {g} {b}");
     }
     // As it was on another machine, in quotes, in other letter case.
-    for name in [r"C:\Users\me\B.JPG", "/home/me/textures/b.jpg", "\"b.jpg\"", "../b.jpg"] {
+    for name in [
+        r"C:\Users\me\B.JPG",
+        r"C:\\Users\\me\\maps\\a b.png",
+        "/home/me/textures/b.jpg",
+        "\"b.jpg\"",
+        "../b.jpg",
+        "c.png",
+        "C.PNG",
+    ] {
         assert_eq!(texel(&format!("newmtl m\nmap_Kd {name}\n")).unwrap()[0], 1.0, "{name}");
     }
 
@@ -260,8 +283,8 @@ fn lines_that_make_no_sense_are_named() {
         ("v 0 0 0\nf 1 1 0\n", "obj:2: `f`: `0`: indices begin at 1"),
         ("f 1 2 3\n", "obj:1: `f`: vertex 1 does not exist: the file has 0"),
         ("v 0 0 0\nf -1 -1 -2\n", "obj:2: `f`: vertex -2 does not exist: the file has 1 so far"),
-        ("v 0 0 0\nf 1/9 1 1\n", "obj:2: `f`: texture coordinate 9 does not exist: the file has 0"),
-        ("v 0 0 0\nf 1//9223372036854775807 1 1\n", "normal 9223372036854775807 does not exist"),
+        ("v 0 0 0\nvt 0 0\nf 1/9 1 1\n", "obj:3: `f`: texture coordinate 9 does not exist: the file has 1"),
+        ("v 0 0 0\nvn 0 1 0\nf 1//9223372036854775807 1 1\n", "normal 9223372036854775807 does not exist"),
         ("v 0 0 0\nf 1 1 -9223372036854775808\n", "vertex -9223372036854775808 does not exist"),
         ("v 0 0 0\nf 1 1 99999999999999999999\n", "`99999999999999999999` is not an index"),
         ("v 0 0 0\nf 1/1/1/1 1 1\n", "`1/1/1/1` has more than 3 indices"),
@@ -475,6 +498,10 @@ fn files_of_blender_mean_the_parameters_of_its_shader() {
     );
     assert_eq!((p.base_color.x, p.specular, p.roughness, p.metallic), (1.0, 2.0, 1.0, 1.0));
     assert!(p.specular_map.is_some() && p.roughness_map.is_some() && p.metallic_map.is_some());
+    // The old exporter writes the numbers below the images as well.
+    let p = of(OLD, "Ka 1 1 1\nKd 0.8 0.8 0.8\nKe 0 0 0\nillum 2\nmap_Kd g.png\nmap_Ke g.png\nrefl g.png\n");
+    assert_eq!((p.base_color.x, p.emission, p.metallic), (1.0, Vec3::ONE, 1.0));
+    assert!(p.texture.is_some() && p.emission_texture.is_some() && p.metallic_map.is_some());
     // Values that mean absent.
     let p = of(
         NEW,
