@@ -115,3 +115,4 @@ pub mod optim;
 pub mod params;
 pub mod sampler;
 pub mod scene;
+pub mod transport;

@@ -135,7 +135,7 @@ impl Lighting {
         }
         if let Some(Background { value }) = self.background {
             let albedo =
-                scene.background.iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+                scene.background().iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
             let ok = value >= 0.0 && value * albedo <= 1.0 + 1e-5;
             require(
                 ok,

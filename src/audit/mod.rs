@@ -4,6 +4,7 @@
 //! RUN/
 //!   run.toml            everything resolved: scene, options, seed, variables with bounds, versions
 //!   evaluations.jsonl   a line per evaluation: x, f_q and its error, every term, |gradient|, renders
+//!   starts.jsonl        where the search on the transport basis began, and what became of it
 //!   iterations.jsonl    those evaluations that improved on the best so far
 //!   timing.jsonl        seconds, apart from the above
 //!   iter_0000.exr …     a picture per iteration, see [`picture`]
@@ -136,6 +137,15 @@ impl RunDir {
         append(&mut self.evaluations, &self.path.join("evaluations.jsonl"), line)
     }
 
+    /// Writes the starts of a search, a line each.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn log_starts(&self, lines: impl Iterator<Item = Value>) -> Result<(), AuditError> {
+        let text: String = lines.map(|l| format!("{l}\n")).collect();
+        write_text(&self.path.join("starts.jsonl"), &text)
+    }
+
     /// Appends a timing.
     ///
     /// # Errors
@@ -165,11 +175,12 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 9] = [
+    const NAMES: [&str; 10] = [
         MANIFEST,
         "evaluations.jsonl",
         "iterations.jsonl",
         "timing.jsonl",
+        "starts.jsonl",
         "initial.exr",
         "initial.png",
         "final.exr",

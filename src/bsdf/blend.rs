@@ -10,7 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::{
-    BsdfSample,
+    Affine, BsdfSample,
     conductor::reflection_pdf,
     fresnel,
     microfacet::Ggx,
@@ -64,31 +64,29 @@ impl Blend<'_> {
             let t = c.transmittance(wo.z);
             (self.specular * (1.0 - t), bare + self.specular * c.base_albedo(t))
         });
-        let metal = fresnel::schlick(Rgb::splat(self.sampling_color), wo.z).x;
+        let metal = fresnel::schlick(Rgb::splat(self.sampling_color), wo.z).at(1.0).x;
         let mirror = (1.0 - self.metallic) * coat + self.metallic * metal;
         lobe_probability(mirror, (1.0 - self.metallic) * base * self.sampling_color)
     }
 
     /// Reflectance of facets, coat and metal together.
-    fn facets(&self, cos: f32) -> Rgb {
+    fn facets(&self, cos: f32) -> Affine {
         let coat = self.coat.map_or(0.0, |c| self.specular * c.fresnel(cos));
-        Rgb::splat((1.0 - self.metallic) * coat) + self.metallic * fresnel::schlick(self.color, cos)
+        Affine::coat(Rgb::splat((1.0 - self.metallic) * coat))
+            + fresnel::schlick(self.color, cos) * self.metallic
     }
 
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Rgb {
+    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Rgb::ZERO;
+            return Affine::ZERO;
         }
         let coated = self.coat.map_or(0.0, |c| self.specular * c.base(wo, wi));
         let base = (1.0 - self.specular) * FRAC_1_PI + coated;
-        let mut f = self.color * ((1.0 - self.metallic) * base);
-        if let Some(ggx) = self.ggx {
-            let wm = (wo + wi).normalize();
-            // [Walter07] eq. 20
-            f +=
-                self.facets(wo.dot(wm)) * (ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z));
-        }
-        f
+        let f = Affine::body(self.color * ((1.0 - self.metallic) * base));
+        let Some(ggx) = self.ggx else { return f };
+        let wm = (wo + wi).normalize();
+        // [Walter07] eq. 20
+        f + self.facets(wo.dot(wm)) * (ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z))
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
@@ -107,7 +105,7 @@ impl Blend<'_> {
         let p = self.mirror_probability(wo);
         let wi = match (uc < p, self.ggx) {
             (true, None) => {
-                let f = self.facets(wo.z) / wo.z;
+                let f = self.facets(wo.z) * (1.0 / wo.z);
                 return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(p), delta: true });
             }
             (true, Some(ggx)) => reflect_about(wo, ggx.sample_wm(wo, u)),

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{BsdfSample, fresnel, microfacet::Ggx, reflect, reflect_about};
+use super::{Affine, BsdfSample, fresnel, microfacet::Ggx, reflect, reflect_about};
 use crate::math::{Rgb, SolidAnglePdf};
 
 /// A metal with normal-incidence reflectance `f0`.
@@ -15,10 +15,10 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        let Some(ggx) = self.ggx else { return Rgb::ZERO };
+    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
+        let Some(ggx) = self.ggx else { return Affine::ZERO };
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Rgb::ZERO;
+            return Affine::ZERO;
         }
         let wm = (wo + wi).normalize();
         // [Walter07] eq. 20
@@ -36,7 +36,7 @@ impl Conductor {
             return None;
         }
         let Some(ggx) = self.ggx else {
-            let f = fresnel::schlick(self.f0, wo.z) / wo.z;
+            let f = fresnel::schlick(self.f0, wo.z) * (1.0 / wo.z);
             return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(1.0), delta: true });
         };
         let wi = reflect_about(wo, ggx.sample_wm(wo, u));

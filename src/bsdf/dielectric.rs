@@ -7,7 +7,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{BsdfSample, TransportMode, fresnel, microfacet::Ggx, reflect, reflect_about};
+use super::{Affine, BsdfSample, TransportMode, fresnel, microfacet::Ggx, reflect, reflect_about};
 use crate::math::{Rgb, SolidAnglePdf};
 
 /// A clear dielectric interface.
@@ -57,18 +57,18 @@ fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<(Vec3, f32)> {
 }
 
 impl Dielectric {
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
-        let Some(ggx) = self.ggx else { return Rgb::ZERO };
-        let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else { return Rgb::ZERO };
+    pub(super) fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
+        let Some(ggx) = self.ggx else { return Affine::ZERO };
+        let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else { return Affine::ZERO };
         let (r, _) = fresnel::dielectric(wo.dot(wm), self.eta);
         let dg = ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm);
-        Rgb::splat(if is_reflection {
+        Affine::coat(Rgb::splat(if is_reflection {
             dg * r / (4.0 * wo.z * wi.z).abs() // [Walter07] eq. 20
         } else {
             let denom = (wi.dot(wm) + wo.dot(wm) / eta_p).powi(2) * wi.z * wo.z;
             let ft = dg * (1.0 - r) * (wi.dot(wm) * wo.dot(wm) / denom).abs(); // [Walter07] eq. 21
             scale_radiance(ft, eta_p, mode)
-        })
+        }))
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
@@ -105,12 +105,17 @@ impl Dielectric {
     fn sample_smooth(&self, wo: Vec3, uc: f32, mode: TransportMode) -> Option<BsdfSample> {
         let (r, _) = fresnel::dielectric(wo.z, self.eta);
         if uc < r {
-            let f = Rgb::splat(r / wo.z.abs());
+            let f = Affine::coat(Rgb::splat(r / wo.z.abs()));
             return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(r), delta: true });
         }
         let (wi, eta_p) = refract(wo, Vec3::Z, self.eta)?;
         let t = scale_radiance(1.0 - r, eta_p, mode);
-        Some(BsdfSample { f: Rgb::splat(t / wi.z.abs()), wi, pdf: SolidAnglePdf(1.0 - r), delta: true })
+        Some(BsdfSample {
+            f: Affine::coat(Rgb::splat(t / wi.z.abs())),
+            wi,
+            pdf: SolidAnglePdf(1.0 - r),
+            delta: true,
+        })
     }
 }
 

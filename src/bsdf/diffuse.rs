@@ -4,7 +4,7 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
-use super::BsdfSample;
+use super::{Affine, BsdfSample};
 use crate::math::{Rgb, SolidAnglePdf, warp};
 
 /// Ideal diffuse reflection of the upper side.
@@ -15,11 +15,11 @@ pub struct Diffuse {
 }
 
 impl Diffuse {
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Rgb {
+    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Rgb::ZERO;
+            return Affine::ZERO;
         }
-        self.albedo * FRAC_1_PI
+        Affine::body(self.albedo * FRAC_1_PI)
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {

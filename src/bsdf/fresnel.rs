@@ -1,5 +1,6 @@
 //! Fresnel reflectance.
 
+use super::Affine;
 use crate::math::Rgb;
 
 /// Unpolarised reflectance of a smooth dielectric interface and the signed
@@ -26,10 +27,11 @@ pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
 
 /// Schlick's approximation, affine in `f0`. \[Schlick94\] eq. 15.
 #[must_use]
-pub fn schlick(f0: Rgb, cos_theta: f32) -> Rgb {
+pub fn schlick(f0: Rgb, cos_theta: f32) -> Affine {
     let m = (1.0 - cos_theta).clamp(0.0, 1.0);
     let m2 = m * m;
-    f0 + (Rgb::ONE - f0) * (m2 * m2 * m)
+    let grazing = m2 * m2 * m;
+    Affine { coat: Rgb::splat(grazing), body: f0 * (1.0 - grazing) }
 }
 
 #[cfg(test)]

@@ -5,9 +5,13 @@
 //! cosine, sr⁻¹. Opaque models scatter on both sides alike (the frame is
 //! turned over for `wo.z < 0`); a dielectric knows its inside (local −z).
 //!
+//! Values are affine in a factor v on the base colour ([`Affine`]); sampling
+//! decides by the largest v there will be.
+//!
 //! # References
 //! \[Walter07\] (microfacets), \[Veach97\] 5.2 and 5.3 (adjoint BSDFs, shading normals).
 
+mod affine;
 pub mod blend;
 pub mod conductor;
 pub mod dielectric;
@@ -18,8 +22,9 @@ pub mod plastic;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{Rgb, SolidAnglePdf};
+use crate::math::SolidAnglePdf;
 
+pub use affine::Affine;
 pub use blend::Blend;
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
@@ -39,7 +44,7 @@ pub enum TransportMode {
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
     /// BSDF value without cosine, sr⁻¹; for a delta lobe, its weight over |cos θ_i|.
-    pub f: Rgb,
+    pub f: Affine,
     /// The sampled direction.
     pub wi: Vec3,
     /// Density of `wi`; for a delta lobe the probability of choosing it.
@@ -66,7 +71,7 @@ pub enum Bsdf<'a> {
 impl Bsdf<'_> {
     /// Value for a pair of directions, sr⁻¹; delta lobes are zero.
     #[must_use]
-    pub fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+    pub fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
         let (up_o, up_i, _) = face_up(wo, wi);
         match self {
             Self::Diffuse(b) => b.f(up_o, up_i),

@@ -11,7 +11,8 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::{
-    BsdfSample, conductor::reflection_pdf, diffuse::Diffuse, fresnel, microfacet::Ggx, reflect, reflect_about,
+    Affine, BsdfSample, conductor::reflection_pdf, diffuse::Diffuse, fresnel, microfacet::Ggx, reflect,
+    reflect_about,
 };
 use crate::math::{Rgb, SolidAnglePdf, luminance};
 
@@ -258,20 +259,17 @@ impl<'a> Plastic<'a> {
         lobe_probability(1.0 - t, self.coat.base_albedo(t) * self.sampling_albedo)
     }
 
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Rgb {
+    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Rgb::ZERO;
+            return Affine::ZERO;
         }
-        let mut f = self.albedo * self.coat.base(wo, wi);
-        if let Some(ggx) = self.coat.ggx {
-            let wm = (wo + wi).normalize();
-            // [Walter07] eq. 20
-            f += Rgb::splat(
-                self.coat.fresnel(wo.dot(wm)) * ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm)
-                    / (4.0 * wo.z * wi.z),
-            );
-        }
-        f
+        let body = self.albedo * self.coat.base(wo, wi);
+        let Some(ggx) = self.coat.ggx else { return Affine::body(body) };
+        let wm = (wo + wi).normalize();
+        // [Walter07] eq. 20
+        let coat =
+            self.coat.fresnel(wo.dot(wm)) * ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z);
+        Affine { coat: Rgb::splat(coat), body }
     }
 
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
@@ -291,7 +289,7 @@ impl<'a> Plastic<'a> {
         let p = self.coat_probability(wo);
         let wi = match (uc < p, self.coat.ggx) {
             (true, None) => {
-                let f = Rgb::splat(self.coat.fresnel(wo.z) / wo.z);
+                let f = Affine::coat(Rgb::splat(self.coat.fresnel(wo.z) / wo.z));
                 return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(p), delta: true });
             }
             (true, Some(ggx)) => reflect_about(wo, ggx.sample_wm(wo, u)),

@@ -3,9 +3,11 @@
 use std::{
     fmt::Write as _,
     path::{Path, PathBuf},
+    time::Duration,
 };
 
-use clap::{Args, ValueEnum};
+use anyhow::bail;
+use clap::Args;
 use glam::UVec2;
 use serde_json::json;
 
@@ -16,7 +18,7 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
-    design::{self, Reporter, RunOptions, RunReport},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport},
     objective::{Target, Term},
     scene::sidecar::{FreeKind, FreeVariables},
 };
@@ -48,6 +50,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
 
+    /// Several looks from one simulation, each recorded in a directory of its own below DIR
+    #[arg(long, value_name = "NAME|FILE,…", value_delimiter = ',', conflicts_with = "target")]
+    pub targets: Option<Vec<String>>,
+
     /// Directory to record the run in [default: runs/SCENE-TARGET]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -64,9 +70,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of a working picture
-    #[arg(long, value_name = "N", default_value = "16", value_parser = parse_spp)]
-    pub spp: u32,
+    /// Samples per pixel of a working picture; of the transport basis, the first [default: 32; fd: 16]
+    #[arg(long, value_name = "N", value_parser = parse_spp)]
+    pub spp: Option<u32>,
 
     /// Samples per pixel of the final picture
     #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
@@ -77,10 +83,22 @@ pub struct RunArgs {
     pub free: Option<Vec<FreeKind>>,
 
     /// How gradients are found
-    #[arg(long, value_enum, default_value_t = GradientArg::Fd)]
-    pub gradient: GradientArg,
+    #[arg(long, value_enum, default_value_t)]
+    pub gradient: Gradient,
 
-    /// Evaluations of f_q with its gradient, at most
+    /// Error of f_q (95 %) at which no more samples are added to the transport basis
+    #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
+    pub tolerance: f64,
+
+    /// Seconds after which no more samples are added for a target
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub time_limit: Option<Duration>,
+
+    /// Most memory of the transport basis: fewer size knots are kept if it needs more
+    #[arg(long, value_name = "BYTES", default_value = "2G", value_parser = parse_bytes)]
+    pub memory: u64,
+
+    /// With --gradient fd: evaluations of f_q with its gradient, at most
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub max_evaluations: u32,
 
@@ -101,13 +119,40 @@ pub struct RunArgs {
     pub transport: TransportArgs,
 }
 
-/// How gradients are found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum GradientArg {
-    /// Forward differences with common random numbers (the paper's way)
-    Fd,
+/// Parses a tolerance.
+fn parse_tolerance(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(t) if t > 0.0 && t <= 1.0 => Ok(t),
+        _ => Err("must be above 0 and at most 1".to_owned()),
+    }
 }
 
+/// Parses a time.
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
+    seconds
+        .and_then(|s| Duration::try_from_secs_f64(s).ok())
+        .ok_or_else(|| "must be a number above 0".to_owned())
+}
+
+/// Parses an amount of memory: bytes, or with K, M or G.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let (number, shift) = match text.char_indices().last() {
+        Some((i, 'K' | 'k')) => (&text[..i], 10),
+        Some((i, 'M' | 'm')) => (&text[..i], 20),
+        Some((i, 'G' | 'g')) => (&text[..i], 30),
+        _ => (text, 0),
+    };
+    let bytes = number.parse::<f64>().ok().map(|n| n * f64::from(1_u32 << shift));
+    bytes
+        .filter(|b| *b >= 1.0 && *b < 1e18)
+        .map(|b| b as u64)
+        .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
+}
+
+/// Samples per pixel by default.
+const BASIS_SPP: u32 = 32;
+const FD_SPP: u32 = 16;
 /// Width of the working pictures by default.
 const WORK_WIDTH: u32 = 128;
 
@@ -117,15 +162,15 @@ const WORK_WIDTH: u32 = 128;
 /// When the scene, the target or the run directory is wrong, or a render fails.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // What is wrong with the words should show in the first second.
-    let target = Target::resolve(&args.target)?;
-    let GradientArg::Fd = args.gradient;
     let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
-    let out = args.out.clone().unwrap_or_else(|| Path::new("runs").join(format!("{stem}-{}", target.name())));
-    crate::audit::RunDir::check(&out, args.force)?;
+    let jobs = jobs(args, &stem)?;
+    for job in &jobs {
+        crate::audit::RunDir::check(&job.out, args.force)?;
+    }
     let scene_path = crate::scene::builder::find(&args.scene)?;
     let console = Console::new();
     catch_interrupts("finishing with the best so far")?;
-    let report = args.transport.in_pool(|| {
+    let reports = args.transport.in_pool(|| {
         let mut scene = load_scene(&args.scene, args.exposure, |w| console.note(w))?;
         let size = args.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.work_size.unwrap_or_else(|| {
@@ -133,33 +178,63 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             UVec2::new(WORK_WIDTH, height).min(size)
         });
         let options = RunOptions {
-            target: target.clone(),
+            jobs: jobs.clone(),
+            gradient: args.gradient,
+            tolerance: args.tolerance,
+            time_limit: args.time_limit,
+            memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
             luminance: luminance_mode(args.luminance),
             size,
             work_size,
-            spp: args.spp,
+            spp: args.spp.unwrap_or(match args.gradient {
+                Gradient::Basis => BASIS_SPP,
+                Gradient::Fd => FD_SPP,
+            }),
             final_spp: args.final_spp,
             free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
-            out: out.clone(),
             force: args.force,
         };
         Ok(design::run(&mut scene, &scene_path, &options, &console)?)
     });
     console.finish();
-    let report = report?;
+    let reports = reports?;
+    let each = reports.iter().zip(&jobs);
     if args.json {
-        print(&format!("{:#}\n", to_json(&report, &out)))
+        let mut all: Vec<serde_json::Value> = each.map(|(r, job)| to_json(r, job)).collect();
+        let value = if args.targets.is_some() { all.into() } else { all.remove(0) };
+        print(&format!("{value:#}\n"))
     } else {
-        print(&to_table(&report, &target, &out))
+        print(&each.map(|(r, job)| to_table(r, job)).collect::<Vec<_>>().join("\n"))
     }
 }
 
-fn to_json(r: &RunReport, out: &Path) -> serde_json::Value {
+/// The looks asked for, and where they are recorded.
+fn jobs(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<Job>> {
+    let Some(names) = &args.targets else {
+        let target = Target::resolve(&args.target)?;
+        let default = || Path::new("runs").join(format!("{stem}-{}", target.name()));
+        return Ok(vec![Job { out: args.out.clone().unwrap_or_else(default), target }]);
+    };
+    let root = args.out.clone().unwrap_or_else(|| Path::new("runs").join(stem));
+    let mut jobs: Vec<Job> = Vec::new();
+    for name in names {
+        let target = Target::resolve(name)?;
+        let out = root.join(target.name());
+        if jobs.iter().any(|j| j.out == out) {
+            bail!("--targets: two targets are called `{}`", target.name());
+        }
+        jobs.push(Job { target, out });
+    }
+    Ok(jobs)
+}
+
+fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     json!({
+        "target": job.target.name(),
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
         "f_q_error": r.check.error_bar(),
@@ -170,11 +245,11 @@ fn to_json(r: &RunReport, out: &Path) -> serde_json::Value {
         "evaluations": r.evaluations,
         "seconds": r.seconds,
         "stop_reason": r.stop.to_string(),
-        "run_dir": out,
+        "run_dir": job.out,
     })
 }
 
-fn to_table(r: &RunReport, target: &Target, out: &Path) -> String {
+fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     // Writing to a String does not fail.
     let mut text = String::new();
     let _ = writeln!(text, "target {}", target.name());

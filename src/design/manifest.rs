@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::RunOptions;
+use super::{Gradient, RunOptions};
 use crate::{
     embree,
     integrator::IntegratorKind,
@@ -50,7 +50,11 @@ struct SceneFacts<'a> {
 
 #[derive(Serialize)]
 struct Options<'a> {
-    gradient: &'static str,
+    gradient: Gradient,
+    tolerance: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_limit: Option<f64>,
+    memory_mib: u64,
     integrator: IntegratorKind,
     max_depth: usize,
     sampler: SamplerKind,
@@ -89,6 +93,7 @@ pub fn text(
     scene: &Scene,
     scene_path: &Path,
     options: &RunOptions,
+    target: &Target,
     variables: &ParamVector,
 ) -> Result<String, toml::ser::Error> {
     toml::to_string(&Manifest {
@@ -112,7 +117,10 @@ pub fn text(
             exposure: scene.exposure,
         },
         options: Options {
-            gradient: "fd",
+            gradient: options.gradient,
+            tolerance: options.tolerance,
+            time_limit: options.time_limit.map(|t| t.as_secs_f64()),
+            memory_mib: options.memory >> 20,
             integrator: options.integrator.kind,
             max_depth: options.integrator.max_depth,
             sampler: options.sampler,
@@ -125,7 +133,7 @@ pub fn text(
             seed: options.seed,
             max_evaluations: options.max_evaluations,
         },
-        target: &options.target,
+        target,
         variables,
     })
 }

@@ -1,17 +1,22 @@
 //! Lighting design: from a scene and a target to the lights that meet it.
 //!
 //! One direction: survey (bounds and start) ─▶ optimisation at the working
-//! size ─▶ check render ─▶ final render, all recorded in a run directory.
+//! size ─▶ check render ─▶ final render, all recorded in a run directory per
+//! target. Optimisation is on the [transport basis](crate::transport), or in paper
+//! mode by finite differences of fresh renders.
 //! Every stage draws from seeds of its own, so that what is reported comes
 //! from samples that chose nothing.
 
+mod basis;
+mod evaluator;
 pub mod manifest;
 mod optimise;
+mod search;
 pub mod shot;
 
 use std::{
     path::{Path, PathBuf},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use glam::UVec2;
@@ -31,11 +36,41 @@ use crate::{
 
 pub use shot::{Camera, Shot};
 
+/// How gradients are found.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Gradient {
+    /// Exact, on the transport basis: one render, many starts
+    #[default]
+    Basis,
+    /// Forward differences of fresh renders, from one start (the paper's way)
+    Fd,
+}
+
+/// A look wanted, and where to record how it was found.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The look.
+    pub target: Target,
+    /// The run directory.
+    pub out: PathBuf,
+}
+
 /// What a run is asked to do.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// The look wanted.
-    pub target: Target,
+    /// The looks wanted; all from one basis.
+    pub jobs: Vec<Job>,
+    /// How gradients are found.
+    pub gradient: Gradient,
+    /// Error of f_q (95 %) at which no more samples are added.
+    pub tolerance: f64,
+    /// Time after which no more samples are added for a target.
+    pub time_limit: Option<Duration>,
+    /// Most memory of a basis, bytes.
+    pub memory: u64,
     /// Light transport.
     pub integrator: Integrator,
     /// Sample sequences.
@@ -46,7 +81,7 @@ pub struct RunOptions {
     pub size: UVec2,
     /// Size at which the lights are optimised, pixels.
     pub work_size: UVec2,
-    /// Samples per pixel of a working render.
+    /// Samples per pixel of a working render; the first of a basis.
     pub spp: u32,
     /// Samples per pixel of the final picture.
     pub final_spp: u32,
@@ -54,11 +89,9 @@ pub struct RunOptions {
     pub free: FreeVariables,
     /// Seed of everything.
     pub seed: u64,
-    /// Evaluations of f_q with its gradient, at most.
+    /// Evaluations of f_q with its gradient, at most; in paper mode.
     pub max_evaluations: u32,
-    /// Where to record.
-    pub out: PathBuf,
-    /// Replace an earlier run there.
+    /// Replace earlier runs.
     pub force: bool,
 }
 
@@ -99,6 +132,11 @@ pub enum RunError {
     Optim(#[from] OptimError),
     #[error(transparent)]
     Audit(#[from] AuditError),
+    #[error(
+        "the transport basis needs {needed} MiB, more than the {allowed} MiB allowed; allow more with --memory, \
+         or make the working pictures smaller with --work-size"
+    )]
+    Memory { needed: u64, allowed: u64 },
     #[error("cannot write the manifest")]
     Manifest(#[from] toml::ser::Error),
 }
@@ -165,7 +203,7 @@ const SURVEY_SPP: u32 = 64;
 /// The initial picture is taken with this share of the final samples.
 const INITIAL_SHARE: u32 = 4;
 
-/// Runs the whole design of `scene` and records it.
+/// Runs the whole design of `scene` and records it; a report per job.
 ///
 /// # Errors
 /// When the scene cannot be optimised, rendered or recorded. What was recorded
@@ -175,113 +213,183 @@ pub fn run(
     scene_path: &Path,
     options: &RunOptions,
     reporter: &impl Reporter,
-) -> Result<RunReport, RunError> {
+) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    RunDir::check(&options.out, options.force)?;
+    for job in &options.jobs {
+        RunDir::check(&job.out, options.force)?;
+    }
     let camera =
         Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
-    let mut renders = 0;
-
     scene.camera.resize(options.work_size);
     let aovs = aov::trace(scene);
-    let objective = Objective::new(&options.target, aovs.width, aovs.height, &aovs.mask)?;
+    let objectives = options
+        .jobs
+        .iter()
+        .map(|job| Objective::new(&job.target, aovs.width, aovs.height, &aovs.mask))
+        .collect::<Result<Vec<_>, _>>()?;
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
     let (sizes, notes) = survey::fit_sizes(scene, options.work_size)?;
     notes.iter().for_each(|n| reporter.note(n));
-    let largest_value = survey::value_range(scene).map_or(1.0, |[_, hi]| hi);
+    let range = survey::value_range(scene);
+    let largest_value = range.map_or(1.0, |[_, hi]| hi);
     scene.set_background_value(1.0_f32.min(largest_value), largest_value);
-    let authored: Vec<f32> = scene.lights.iter().map(|l| l.radiance).collect();
-    for i in 0..scene.lights.len() {
-        let size = scene.lights[i].size;
-        scene.set_light(i, 1.0, size);
+    let mut renders = 1;
+    let (mut engine, unit) = match options.gradient {
+        Gradient::Fd => (None, unit_picture(scene, &camera, options, reporter)?),
+        Gradient::Basis => {
+            let plan = basis::Plan::new(scene, &sizes, range.map(|[_, hi]| hi), options, reporter)?;
+            let engine = basis::Engine::new(plan, scene, &camera, options, reporter)?;
+            let unit = engine.unit_picture();
+            (Some(engine), unit)
+        }
+    };
+    let variables = survey::variables(scene, &unit, &sizes, &options.free, options.luminance)?;
+    let before = start.elapsed();
+    let mut reports = Vec::new();
+    for (job, objective) in options.jobs.iter().zip(&objectives) {
+        let clock = Instant::now();
+        scene.camera.resize(options.work_size);
+        scene.set_background_value(1.0_f32.min(largest_value), largest_value);
+        let manifest = manifest::text(scene, scene_path, options, &job.target, &variables)?;
+        let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
+        dir.log_timing(&json!({"stage": "survey", "seconds": before.as_secs_f64()}))?;
+        let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
+        let starts = survey::starts(scene, &unit, &aovs.mask, &variables, means, options.luminance);
+        let x0 = variables.decode(&variables.start());
+        let (initial, found) = match &mut engine {
+            Some(engine) => {
+                let problem = basis::Problem {
+                    scene,
+                    camera: &camera,
+                    objective,
+                    variables: &variables,
+                    aovs: &aovs,
+                    options,
+                    target: &job.target,
+                };
+                let initial = basis::estimate(engine, &problem, &variables.start())?;
+                reporter.note(&format!(
+                    "{}: start: f_q {:.4} ± {:.4}",
+                    job.target.name(),
+                    initial.evaluation.f_q,
+                    initial.error_bar()
+                ));
+                (initial, basis::optimise(engine, &starts, problem, &mut dir, &mut renders, reporter)?)
+            }
+            None => {
+                let shots = Shots { camera: &camera, objective, variables: &variables, options, reporter };
+                let initial = shots.measure(scene, &x0, Purpose::Initial, "measuring the start")?;
+                reporter.note(&format!(
+                    "start: f_q {:.4} ± {:.4}",
+                    initial.evaluation.f_q,
+                    initial.error_bar()
+                ));
+                let problem = optimise::Problem {
+                    scene,
+                    camera: &camera,
+                    objective,
+                    variables: &variables,
+                    aovs: &aovs,
+                    options,
+                    target: &job.target,
+                };
+                let found = optimise::by_differences(&starts, problem, &mut dir, &mut renders, reporter)?;
+                let x = variables.decode(&found.u);
+                let check =
+                    shots.measure(scene, &x, Purpose::Check, "checking the result with new samples")?;
+                renders += 2;
+                let optimise::Found { u, evaluations, stop } = found;
+                (initial, basis::Found { u, check, evaluations, stop })
+            }
+        };
+        let x = variables.decode(&found.u);
+        let check = found.check;
+        reporter.note(&format!(
+            "{}: f_q {:.4} ± {:.4}",
+            job.target.name(),
+            check.evaluation.f_q,
+            check.error_bar()
+        ));
+        dir.log_timing(&json!({"stage": "found", "seconds": clock.elapsed().as_secs_f64()}))?;
+
+        let finale = Finale { camera: &camera, options, job, variables: &variables, reporter };
+        let value_at =
+            |x: &[f64]| variables.background_value(x).map_or(1.0_f32.min(largest_value), |v| v as f32);
+        scene.camera.resize(options.size);
+        variables.apply(scene, &x0);
+        scene.set_background_value(value_at(&x0), value_at(&x0));
+        finale.take(scene, "initial", &x0, (options.final_spp / INITIAL_SHARE).max(1))?;
+        variables.apply(scene, &x);
+        let value = value_at(&x);
+        scene.set_background_value(value, value);
+        let last = finale.take(scene, "final", &x, options.final_spp)?;
+        renders += 2;
+        let value = (!scene.background().is_empty()).then_some(value);
+        write_text(&job.out.join("lights.toml"), &toml::to_string(&Lighting::of(scene, value))?)?;
+        let seconds = (before + clock.elapsed()).as_secs_f64();
+        dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+        reports.push(RunReport {
+            initial,
+            check,
+            last,
+            variables: variables.clone(),
+            x,
+            renders,
+            evaluations: found.evaluations,
+            stop: found.stop,
+            seconds,
+        });
+        if reporter.cancelled() {
+            break;
+        }
     }
-    let unit = camera.shoot(scene, seed_for(options.seed, Purpose::Survey), SURVEY_SPP, 1, reporter)?;
-    renders += 1;
-    let variables = survey::variables(scene, &unit.picture, &sizes, &options.free, options.luminance)?;
-    for (i, radiance) in authored.into_iter().enumerate() {
-        let size = scene.lights[i].size;
+    Ok(reports)
+}
+
+/// A render with every light at radiance 1.
+fn unit_picture(
+    scene: &mut Scene,
+    camera: &Camera,
+    options: &RunOptions,
+    reporter: &impl Reporter,
+) -> Result<crate::film::Picture, RunError> {
+    let authored: Vec<(f32, f32)> = scene.lights.iter().map(|l| (l.radiance, l.size)).collect();
+    for (i, (_, size)) in authored.iter().enumerate() {
+        scene.set_light(i, 1.0, *size);
+    }
+    let shot = camera.shoot(scene, seed_for(options.seed, Purpose::Survey), SURVEY_SPP, 1, reporter)?;
+    for (i, (radiance, size)) in authored.into_iter().enumerate() {
         scene.set_light(i, radiance, size);
     }
-    let manifest = manifest::text(scene, scene_path, options, &variables)?;
-    let mut dir = RunDir::create(&options.out, options.force, &manifest)?;
-    dir.log_timing(&json!({"stage": "survey", "seconds": start.elapsed().as_secs_f64()}))?;
+    Ok(shot.picture)
+}
 
-    let check_spp = CHECK_FACTOR * options.spp;
-    let check_rows = u64::from(options.work_size.y * CHECK_REPLICATES);
-    reporter.stage("measuring the start", Some(check_rows));
-    let x0 = variables.decode(&variables.start());
-    variables.apply(scene, &x0);
-    let shot = camera.shoot(
-        scene,
-        seed_for(options.seed, Purpose::Initial),
-        check_spp,
-        CHECK_REPLICATES,
-        &Unstoppable(reporter),
-    )?;
-    renders += 1;
-    let initial = shot.measure(&objective)?.estimate;
-    reporter.note(&format!("start: f_q {:.4} ± {:.4}", initial.evaluation.f_q, initial.error_bar()));
+/// Takes the renders whose f_q is reported in paper mode.
+struct Shots<'a, R> {
+    camera: &'a Camera,
+    objective: &'a Objective,
+    variables: &'a ParamVector,
+    options: &'a RunOptions,
+    reporter: &'a R,
+}
 
-    let means = [Term::MeanObj, Term::MeanBack].map(|t| options.target.target(t));
-    let starts = survey::starts(scene, &unit.picture, &aovs.mask, &variables, means, options.luminance);
-    let found = optimise::by_differences(
-        &starts,
-        optimise::Problem {
-            scene,
-            camera: &camera,
-            objective: &objective,
-            variables: &variables,
-            aovs: &aovs,
-            options,
-        },
-        &mut dir,
-        &mut renders,
-        reporter,
-    )?;
-    let x = variables.decode(&found.u);
-    variables.apply(scene, &x);
-
-    reporter.stage("checking the result with new samples", Some(check_rows));
-    let shot = camera.shoot(
-        scene,
-        seed_for(options.seed, Purpose::Check),
-        check_spp,
-        CHECK_REPLICATES,
-        &Unstoppable(reporter),
-    )?;
-    renders += 1;
-    let check = shot.measure(&objective)?.estimate;
-    reporter.note(&format!("result: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
-
-    scene.camera.resize(options.size);
-    let finale = Finale { camera: &camera, options, variables: &variables, reporter };
-    let spp = (options.final_spp / INITIAL_SHARE).max(1);
-    let fixed_value = 1.0_f32.min(largest_value);
-    let value_at = |x: &[f64]| variables.background_value(x).map_or(fixed_value, |v| v as f32);
-    variables.apply(scene, &x0);
-    scene.set_background_value(value_at(&x0), value_at(&x0));
-    finale.take(scene, "initial", &x0, spp)?;
-    variables.apply(scene, &x);
-    let value = value_at(&x);
-    scene.set_background_value(value, value);
-    let last = finale.take(scene, "final", &x, options.final_spp)?;
-    renders += 2;
-    let value = (!scene.background.is_empty()).then_some(value);
-    write_text(&options.out.join("lights.toml"), &toml::to_string(&Lighting::of(scene, value))?)?;
-    let seconds = start.elapsed().as_secs_f64();
-    dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
-    Ok(RunReport {
-        initial,
-        check,
-        last,
-        variables,
-        x,
-        renders,
-        evaluations: found.evaluations,
-        stop: found.stop,
-        seconds,
-    })
+impl<R: Reporter> Shots<'_, R> {
+    fn measure(
+        &self,
+        scene: &mut Scene,
+        x: &[f64],
+        purpose: Purpose,
+        stage: &str,
+    ) -> Result<JackknifeEstimate, RunError> {
+        let Self { camera, objective, variables, options, reporter } = *self;
+        reporter.stage(stage, Some(u64::from(options.work_size.y * CHECK_REPLICATES)));
+        variables.apply(scene, x);
+        let spp = CHECK_FACTOR * options.spp;
+        let seed = seed_for(options.seed, purpose);
+        let shot = camera.shoot(scene, seed, spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
+        Ok(shot.measure(objective)?.estimate)
+    }
 }
 
 /// An interrupt ends the optimisation; what was found is still rendered.
@@ -297,6 +405,7 @@ impl<R: Reporter> Observer for Unstoppable<'_, R> {
 struct Finale<'a, R> {
     camera: &'a Camera,
     options: &'a RunOptions,
+    job: &'a Job,
     variables: &'a ParamVector,
     reporter: &'a R,
 }
@@ -308,14 +417,14 @@ impl<R: Reporter> Finale<'_, R> {
         self.reporter.stage(&format!("{name} picture"), Some(u64::from(self.options.size.y)));
         let shot = self.camera.shoot(scene, self.options.seed, spp, 1, &Unstoppable(self.reporter))?;
         let aovs = aov::trace(scene);
-        let objective = Objective::new(&self.options.target, aovs.width, aovs.height, &aovs.mask)?;
+        let objective = Objective::new(&self.job.target, aovs.width, aovs.height, &aovs.mask)?;
         let evaluation = objective.evaluate(&shot.display());
-        let attribute = attribute(scene, self.options, self.variables, x, &evaluation, spp);
+        let attribute = attribute(scene, self.options, &self.job.target, self.variables, x, &evaluation, spp);
         let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
         let exposure = f64::from(scene.exposure);
         let exr = picture::exr(&shot.picture, &aovs, &names, exposure, self.options.luminance, attribute);
-        write_exr(&self.options.out.join(format!("{name}.exr")), &exr)?;
-        write_png(&self.options.out.join(format!("{name}.png")), &picture::beauty(&shot.picture), exposure)?;
+        write_exr(&self.job.out.join(format!("{name}.exr")), &exr)?;
+        write_png(&self.job.out.join(format!("{name}.png")), &picture::beauty(&shot.picture), exposure)?;
         Ok(evaluation)
     }
 }
@@ -324,6 +433,7 @@ impl<R: Reporter> Finale<'_, R> {
 fn attribute(
     scene: &Scene,
     options: &RunOptions,
+    target: &Target,
     variables: &ParamVector,
     x: &[f64],
     evaluation: &Evaluation,
@@ -336,7 +446,7 @@ fn attribute(
         "terms": evaluation.terms_json(),
         "exposure": scene.exposure,
         "luminance": options.luminance,
-        "target": options.target,
+        "target": target,
         "integrator": options.integrator.kind,
         "spp": spp,
         "seed": options.seed,

@@ -45,6 +45,7 @@ pub struct Problem<'a> {
     pub variables: &'a ParamVector,
     pub aovs: &'a Aovs,
     pub options: &'a RunOptions,
+    pub target: &'a crate::objective::Target,
 }
 
 /// What was found.
@@ -209,7 +210,7 @@ impl<R: Reporter> Search<'_, R> {
         })?;
         self.evaluations += 1;
 
-        let Problem { scene, variables, options, aovs, .. } = &mut self.problem;
+        let Problem { scene, variables, options, aovs, target, .. } = &mut self.problem;
         let x = variables.decode(u);
         let f_q = measured.plain.f_q;
         let line = json!({
@@ -232,7 +233,7 @@ impl<R: Reporter> Search<'_, R> {
         if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
             variables.apply(scene, &x);
             let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
-            let attribute = attribute(scene, options, variables, &x, &measured.plain, options.spp);
+            let attribute = attribute(scene, options, target, variables, &x, &measured.plain, options.spp);
             let exposure = f64::from(scene.exposure);
             let exr = picture::exr(&shot.picture, aovs, &names, exposure, options.luminance, attribute);
             self.dir.log_iteration(&line, &exr)?;

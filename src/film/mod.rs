@@ -17,7 +17,7 @@ use glam::{UVec2, Vec2};
 
 use crate::{
     light::{LightId, LightPoint},
-    math::Rgb,
+    math::NodeRgb,
 };
 
 pub use rgb::{LightState, Picture, RgbFilm, RgbRow};
@@ -48,15 +48,15 @@ impl Strategy {
     }
 }
 
-/// Light carried along one sampled path.
+/// Light carried along one sampled path, at `N` nodes of the background's value.
 #[derive(Clone, Copy, Debug)]
-pub struct Contribution {
+pub struct Contribution<const N: usize = 1> {
     /// The light the path ends on.
     pub light: LightId,
     /// The path's end on the light; its ρ is the size coordinate.
     pub at: LightPoint,
     /// Pixel radiance for unit radiance of the light, already weighted.
-    pub value: Rgb,
+    pub value: NodeRgb<N>,
     /// The strategy that sampled the path.
     pub strategy: Strategy,
     /// The weight of that strategy, within [0, 1].
@@ -64,11 +64,11 @@ pub struct Contribution {
 }
 
 /// Receives the contributions of the samples of one pixel.
-pub trait Recorder {
+pub trait Recorder<const N: usize = 1> {
     /// A contribution to the pixel being sampled (t ≥ 2).
-    fn add(&mut self, c: &Contribution);
+    fn add(&mut self, c: &Contribution<N>);
     /// A contribution to wherever the path meets the film (t = 1).
-    fn splat(&mut self, raster: Vec2, c: &Contribution);
+    fn splat(&mut self, raster: Vec2, c: &Contribution<N>);
 }
 
 /// Part of the full film that is kept, in pixels.
@@ -111,9 +111,9 @@ impl Region {
 }
 
 /// A film that can be filled row by row in parallel.
-pub trait Film: Send + Sync {
+pub trait Film<const N: usize = 1>: Send + Sync {
     /// Recorder of one row.
-    type Row<'a>: RowRecorder + Send
+    type Row<'a>: RowRecorder<N> + Send
     where
         Self: 'a;
     /// The region kept.
@@ -128,7 +128,7 @@ pub trait Film: Send + Sync {
 }
 
 /// A [`Recorder`] that moves from pixel to pixel of its row.
-pub trait RowRecorder: Recorder {
+pub trait RowRecorder<const N: usize = 1>: Recorder<N> {
     /// Makes the `i`-th pixel of the row current.
     fn set_pixel(&mut self, i: usize);
 }

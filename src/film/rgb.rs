@@ -143,7 +143,7 @@ impl RgbRow<'_> {
         if c.at.rho > self.sizes[c.light as usize] {
             return false;
         }
-        let is_number = c.value.is_finite() && c.value.min_element() >= 0.0;
+        let is_number = c.value.is_radiance();
         if !is_number {
             self.non_finite.fetch_add(1, Ordering::Relaxed);
         }
@@ -155,7 +155,7 @@ impl Recorder for RgbRow<'_> {
     fn add(&mut self, c: &Contribution) {
         if self.accepts(c) && !self.sums.is_empty() {
             let i = 3 * (self.pixel * self.sizes.len() + c.light as usize);
-            let Rgb { x, y, z } = c.value;
+            let Rgb { x, y, z } = c.value.largest();
             self.sums[i] += f64::from(x);
             self.sums[i + 1] += f64::from(y);
             self.sums[i + 2] += f64::from(z);
@@ -168,7 +168,7 @@ impl Recorder for RgbRow<'_> {
         }
         if let Some(i) = self.region.index(raster.as_uvec2()) {
             let l = c.light as usize;
-            self.splats.add(i * self.sizes.len() + l, c.value, self.scales[l]);
+            self.splats.add(i * self.sizes.len() + l, c.value.largest(), self.scales[l]);
         }
     }
 }

@@ -15,10 +15,11 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::{
-    film::{Film, Recorder, RowRecorder},
-    math::Rgb,
+    bsdf::Affine,
+    film::{Contribution, Film, Recorder, RowRecorder},
+    math::{NodeRgb, Rgb},
     sampler::{Sampler, SamplerKind},
-    scene::Scene,
+    scene::{Scene, SurfaceInteraction},
 };
 
 pub use crate::film::Strategy;
@@ -146,6 +147,22 @@ impl Integrator {
         sampling: Sampling,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
+        self.render_values(scene, &Values([scene.background_value()]), film, sampling, observer)
+    }
+
+    /// As [`Self::render`], for several values of the background at once; the
+    /// first of them is the largest.
+    ///
+    /// # Errors
+    /// As [`Self::render`].
+    pub fn render_values<const N: usize, F: Film<N>>(
+        &self,
+        scene: &Scene,
+        nodes: &Values<N>,
+        film: &mut F,
+        sampling: Sampling,
+        observer: &impl Observer,
+    ) -> Result<(), RenderError> {
         let region = film.region();
         let size = scene.camera.size();
         let (bad_before, over_before) = film.defects();
@@ -158,9 +175,9 @@ impl Integrator {
                 for index in sampling.first..sampling.first + sampling.count {
                     sampler.start(pixel, index);
                     match self.kind {
-                        IntegratorKind::Path => path::sample(self, scene, &mut sampler, pixel, row),
+                        IntegratorKind::Path => path::sample(self, scene, nodes, &mut sampler, pixel, row),
                         IntegratorKind::Bdpt => {
-                            bdpt::sample(self, scene, &mut sampler, pixel, kept, &mut bdpt, row);
+                            bdpt::sample(self, scene, nodes, &mut sampler, pixel, kept, &mut bdpt, row);
                         }
                     }
                 }
@@ -202,6 +219,21 @@ impl Integrator {
     }
 }
 
+/// Values of the background at which light is carried, the largest first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Values<const N: usize>(pub [f32; N]);
+
+impl<const N: usize> Values<N> {
+    /// Throughput after a scattering at `si`.
+    fn scatter(&self, beta: &NodeRgb<N>, f: Affine, si: &SurfaceInteraction) -> NodeRgb<N> {
+        if si.is_background {
+            NodeRgb(std::array::from_fn(|k| beta.0[k] * f.at(self.0[k])))
+        } else {
+            beta.times(f.at(1.0))
+        }
+    }
+}
+
 /// Edges after which Russian roulette begins.
 const ROULETTE_START: usize = 3;
 /// A subpath survives at least this often, so that no light it could still
@@ -225,11 +257,11 @@ fn film_position(pixel: UVec2, u: Vec2) -> Vec2 {
 }
 
 /// Used by tests and tools that look at contributions one by one.
-impl<F: FnMut(Option<Vec2>, &crate::film::Contribution)> Recorder for F {
-    fn add(&mut self, c: &crate::film::Contribution) {
+impl<const N: usize, F: FnMut(Option<Vec2>, &Contribution<N>)> Recorder<N> for F {
+    fn add(&mut self, c: &Contribution<N>) {
         self(None, c);
     }
-    fn splat(&mut self, raster: Vec2, c: &crate::film::Contribution) {
+    fn splat(&mut self, raster: Vec2, c: &Contribution<N>) {
         self(Some(raster), c);
     }
 }

@@ -5,29 +5,30 @@
 
 use glam::UVec2;
 
-use super::{Heuristic, Integrator, Strategy, film_position, roulette};
+use super::{Heuristic, Integrator, Strategy, Values, film_position, roulette};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    math::{Rgb, SolidAnglePdf},
+    math::{NodeRgb, SolidAnglePdf},
     sampler::{Sampler, Stream},
     scene::{Scene, SurfaceInteraction},
 };
 
 /// Traces one camera path through `pixel` and records all light it meets.
-pub fn sample(
+pub fn sample<const N: usize>(
     integrator: &Integrator,
     scene: &Scene,
+    nodes: &Values<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
-    recorder: &mut impl Recorder,
+    recorder: &mut impl Recorder<N>,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
     let (mut org, mut dir) = scene.camera.ray(raster, sampler.next_2d());
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
 
-    let mut beta = Rgb::ONE;
+    let mut beta = NodeRgb::ONE;
     // Density of `dir`; `None` where no other strategy could have sampled the light.
     let mut pdf: Option<SolidAnglePdf> = None;
     for n_edges in 1..=integrator.max_depth {
@@ -43,7 +44,7 @@ pub fn sample(
             recorder.add(&Contribution {
                 light: id,
                 at: c.at,
-                value: beta * c.radiance * mis_weight,
+                value: beta.times(c.radiance * mis_weight),
                 strategy: Strategy::new(0, n_edges + 1),
                 mis_weight,
             });
@@ -54,16 +55,16 @@ pub fn sample(
         }
         let si = hit.si;
         let wo = -dir;
-        next_event(integrator, scene, &mut connection, &si, wo, beta, n_edges, recorder);
+        next_event(integrator, scene, nodes, &mut connection, &si, wo, &beta, n_edges, recorder);
 
         let uc = sampler.next_1d();
         let u = sampler.next_2d();
         let u_roulette = sampler.next_1d();
         let Some(s) = si.sample(wo, uc, u, TransportMode::Radiance) else { return };
-        beta *= s.weight;
-        let Some(survivor) = roulette(n_edges, beta, u_roulette) else { return };
-        beta *= survivor;
-        if beta == Rgb::ZERO {
+        beta = nodes.scatter(&beta, s.weight, &si);
+        let Some(survivor) = roulette(n_edges, beta.largest(), u_roulette) else { return };
+        beta = beta.scaled(survivor);
+        if beta.is_zero() {
             return;
         }
         pdf = (!s.delta).then_some(s.pdf);
@@ -74,15 +75,16 @@ pub fn sample(
 
 /// Samples one light from `si` and records what it sends.
 #[allow(clippy::too_many_arguments)]
-fn next_event(
+fn next_event<const N: usize>(
     integrator: &Integrator,
     scene: &Scene,
+    nodes: &Values<N>,
     connection: &mut Sampler,
     si: &SurfaceInteraction,
     wo: glam::Vec3,
-    beta: Rgb,
+    beta: &NodeRgb<N>,
     n_edges: usize,
-    recorder: &mut impl Recorder,
+    recorder: &mut impl Recorder<N>,
 ) {
     let u_light = connection.next_1d();
     let u = connection.next_2d();
@@ -93,12 +95,13 @@ fn next_event(
     let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
     let light = &scene.lights[id as usize];
     let Some(l) = light.sample_li(si.p, u) else { return };
-    let value = beta * si.scatter(wo, l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
-    if value == Rgb::ZERO {
+    let f = si.scatter(wo, l.wi, TransportMode::Radiance);
+    let value = nodes.scatter(beta, f, si).times(l.radiance / (l.pdf.0 * pmf.0));
+    if value.is_zero() {
         return;
     }
-    let value = value * scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
-    if value == Rgb::ZERO {
+    let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
+    if value.is_zero() {
         return;
     }
     let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
@@ -106,7 +109,7 @@ fn next_event(
     recorder.add(&Contribution {
         light: id,
         at: l.at,
-        value: value * mis_weight,
+        value: value.scaled(mis_weight),
         strategy: Strategy::new(1, n_edges + 1),
         mis_weight,
     });

@@ -44,13 +44,16 @@ impl LuminanceMode {
     #[must_use]
     pub fn encode_with_derivative(self, y: f64, exposure: f64) -> (f64, f64) {
         let v = exposure * y;
+        let l = self.encode(y, exposure);
         let inside = (0.0..=1.0).contains(&v);
         let slope = match self {
             _ if !inside => 0.0,
-            Self::Srgb => exposure * oetf_srgb_derivative(v),
             Self::Linear => exposure,
+            Self::Srgb if v <= 0.003_130_8 => exposure * 12.92,
+            // Of a power c·v^p − d: p (l + d)/v.
+            Self::Srgb => exposure * (l + 0.055) / (2.4 * v),
         };
-        (self.encode(y, exposure), slope)
+        (l, slope)
     }
 
     /// Display luminance of every pixel of a linear picture.
@@ -68,16 +71,16 @@ pub fn oetf_srgb(v: f64) -> f64 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Derivative of [`oetf_srgb`].
-#[must_use]
-pub fn oetf_srgb_derivative(v: f64) -> f64 {
-    if v <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * v.powf(1.0 / 2.4 - 1.0) }
-}
-
 /// sRGB decoding: inverse of [`oetf_srgb`].
 #[must_use]
 pub fn eotf_srgb(l: f64) -> f64 {
     if l <= 0.040_45 { l / 12.92 } else { ((l + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Derivative of [`eotf_srgb`].
+#[must_use]
+pub fn eotf_srgb_derivative(l: f64) -> f64 {
+    if l <= 0.040_45 { 1.0 / 12.92 } else { 2.4 / 1.055 * ((l + 0.055) / 1.055).powf(1.4) }
 }
 
 #[cfg(test)]

@@ -3,12 +3,14 @@
 pub mod display;
 pub mod frame;
 pub mod hash;
+pub mod node_rgb;
 pub mod pdf;
 pub mod rgb;
 pub mod stats;
 pub mod warp;
 
 pub use frame::Frame;
+pub use node_rgb::NodeRgb;
 pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};
 pub use rgb::{Rgb, luminance};
 

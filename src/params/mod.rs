@@ -10,7 +10,7 @@ pub mod survey;
 use serde::Serialize;
 
 use crate::{
-    math::display::{eotf_srgb, oetf_srgb},
+    math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
     scene::Scene,
 };
 
@@ -68,6 +68,16 @@ impl Variable {
             Scale::Logarithmic => return self.lower * (self.upper / self.lower).powf(u),
         };
         self.lower + (self.upper - self.lower) * t
+    }
+
+    /// Derivative of [`Self::decode`].
+    #[must_use]
+    pub fn slope(&self, u: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => self.upper - self.lower,
+            Scale::Perceptual => (self.upper - self.lower) * eotf_srgb_derivative(u),
+            Scale::Logarithmic => self.decode(u) * self.ratio(),
+        }
     }
 
     fn ratio(&self) -> f64 {
@@ -175,6 +185,10 @@ mod tests {
             }
             assert_eq!((v.decode(0.0), v.decode(1.0)), (lower, 8.0));
             assert!((v.decode(1e-6) - lower) / 1e-6 > 0.05 * 8.0);
+            for u in [0.01, 0.3, 0.8] {
+                let difference = (v.decode(u + 1e-6) - v.decode(u - 1e-6)) / 2e-6;
+                assert!((v.slope(u) / difference - 1.0).abs() < 1e-6, "{scale:?} {u}");
+            }
         }
     }
 }

@@ -206,14 +206,14 @@ impl Builder<'_> {
         }
         let name =
             self.scene_path.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
-        let scene = Scene::new(&name, mesh, materials, lights, camera)
+        let mut scene = Scene::new(&name, mesh, materials, lights, camera)
             .map_err(|source| SceneError::Embree { path: self.scene_path.to_path_buf(), source })?;
+        scene.set_background(background);
         Ok(Scene {
             parts: parts.parts,
             light_bounds,
             exposure: self.positive("exposure", sidecar.exposure)?,
             is_main,
-            background,
             value_range: sidecar.background.value_range,
             free: sidecar.free.clone(),
             warnings,

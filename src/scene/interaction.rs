@@ -3,8 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
-    bsdf::{Bsdf, TransportMode, adjoint_cosine},
-    math::{Frame, Rgb, SolidAnglePdf},
+    bsdf::{Affine, Bsdf, TransportMode, adjoint_cosine},
+    math::{Frame, SolidAnglePdf},
 };
 
 /// A ray's first surface.
@@ -20,8 +20,10 @@ pub struct SurfaceInteraction<'a> {
     pub frame: Frame,
     /// Unit shading normal before a relief tilted it; `None` without relief.
     pub untilted: Option<Vec3>,
-    /// Scattering at the point.
+    /// Scattering at the point, for the base colour at value 1.
     pub bsdf: Bsdf<'a>,
+    /// Whether the background's value scales the base colour.
+    pub is_background: bool,
     /// Triangle.
     pub triangle: u32,
 }
@@ -32,7 +34,7 @@ pub struct ScatterSample {
     /// Unit direction, world space.
     pub wi: Vec3,
     /// BSDF times cosine over density, adjoint correction included.
-    pub weight: Rgb,
+    pub weight: Affine,
     /// Density of `wi`; the lobe's probability for a delta lobe.
     pub pdf: SolidAnglePdf,
     /// Density of the reverse choice, `wo` given `wi`.
@@ -52,12 +54,12 @@ impl SurfaceInteraction<'_> {
 
     /// BSDF times cosine about `wi`, adjoint correction included; world directions.
     #[must_use]
-    pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
+    pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
         if !(self.is_consistent(wo) && self.is_consistent(wi)) {
-            return Rgb::ZERO;
+            return Affine::ZERO;
         }
         let f = self.bsdf.f(self.frame.to_local(wo), self.frame.to_local(wi), mode);
-        if f == Rgb::ZERO {
+        if f.is_zero() {
             return f;
         }
         f * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode)

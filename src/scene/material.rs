@@ -373,7 +373,7 @@ impl Material {
         self.params.emission * self.params.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
-    /// The scattering function at `uv`.
+    /// The scattering function at `uv`, for the base colour at value 1.
     #[must_use]
     pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
         let p = &self.params;
@@ -387,20 +387,19 @@ impl Material {
             return Bsdf::Dielectric(Dielectric { eta: p.ior, ggx });
         }
         let base = self.unscaled_color(uv);
-        let color = base * self.value;
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
-            return Bsdf::Conductor(Conductor { f0: color, ggx });
+            return Bsdf::Conductor(Conductor { f0: base, ggx });
         }
         let coat: Option<CoatPoint> = self.coat.as_deref().map(|c| alpha.map_or(c.constant(), |a| c.at(a)));
         let specular = if coat.is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
         let sampling_color = luminance(base) * self.sampling_value;
         match coat {
-            _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: color }),
+            _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: base }),
             Some(coat) if metallic == 0.0 && specular == 1.0 => {
-                Bsdf::Plastic(Plastic { albedo: color, sampling_albedo: sampling_color, coat })
+                Bsdf::Plastic(Plastic { albedo: base, sampling_albedo: sampling_color, coat })
             }
-            _ => Bsdf::Blend(Blend { color, sampling_color, metallic, specular, coat, ggx }),
+            _ => Bsdf::Blend(Blend { color: base, sampling_color, metallic, specular, coat, ggx }),
         }
     }
 }

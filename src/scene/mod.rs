@@ -67,8 +67,7 @@ pub struct Scene {
     pub exposure: f32,
     /// Whether a triangle belongs to the main object.
     pub is_main: Vec<bool>,
-    /// Materials whose base colour the background value scales.
-    pub background: Vec<usize>,
+    background: Vec<usize>,
     /// Bounds that the sidecar sets on the background's value.
     pub value_range: Option<[f32; 2]>,
     /// What is free, from the sidecar.
@@ -77,6 +76,9 @@ pub struct Scene {
     pub warnings: Vec<String>,
     /// The emissive mesh that a material belongs to.
     emitters: Vec<Option<LightId>>,
+    /// By material.
+    is_background: Vec<bool>,
+    background_value: f32,
     is_translucent: bool,
     n_stopping_lights: usize,
 }
@@ -135,6 +137,8 @@ impl Scene {
         }
         Ok(Self {
             emitters,
+            is_background: vec![false; materials.len()],
+            background_value: 1.0,
             is_translucent: materials.iter().any(Material::is_translucent),
             n_stopping_lights: lights.iter().filter(|l| l.occludes).count(),
             name: name.to_owned(),
@@ -244,6 +248,7 @@ impl Scene {
             untilted: tilted.map(|_| ns),
             bsdf,
             triangle: hit.prim,
+            is_background: self.is_background[material as usize],
         };
         SurfaceHit { t: hit.t, uv, material, si }
     }
@@ -314,8 +319,28 @@ impl Scene {
         }
     }
 
+    /// Makes these the materials whose base colour the background's value scales.
+    pub fn set_background(&mut self, materials: Vec<usize>) {
+        self.is_background.fill(false);
+        materials.iter().for_each(|&m| self.is_background[m] = true);
+        self.background = materials;
+    }
+
+    /// Materials whose base colour the background's value scales.
+    #[must_use]
+    pub fn background(&self) -> &[usize] {
+        &self.background
+    }
+
+    /// The background's value factor.
+    #[must_use]
+    pub fn background_value(&self) -> f32 {
+        self.background_value
+    }
+
     /// Sets the background's value factor; `largest` is the most it will be.
     pub fn set_background_value(&mut self, value: f32, largest: f32) {
+        self.background_value = value;
         for &m in &self.background {
             self.materials[m].set_value(value, largest);
         }

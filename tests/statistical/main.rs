@@ -2,6 +2,7 @@
 //! correction.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod basis;
 mod basket;
 mod bsdf;
 mod light;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::UVec2;
 use lightopt_embree::{
     film::Contribution,
-    integrator::{Heuristic, Integrator, IntegratorKind, Strategy, bdpt},
+    integrator::{Heuristic, Integrator, IntegratorKind, Strategy, Values, bdpt},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -66,7 +66,7 @@ fn fast_weights_equal_the_reference_on_random_paths() {
 /// Unweighted contributions by strategy: value without its weight.
 fn unweighted(c: &Contribution, scene: &Scene) -> f64 {
     let l = &scene.lights[c.light as usize];
-    if c.mis_weight > 0.0 { f64::from(luminance(c.value) * l.radiance / c.mis_weight) } else { 0.0 }
+    if c.mis_weight > 0.0 { f64::from(luminance(c.value.largest()) * l.radiance / c.mis_weight) } else { 0.0 }
 }
 
 /// Every strategy alone, unweighted, estimates the same mean for each path
@@ -94,6 +94,7 @@ fn every_strategy_has_the_same_mean_per_path_length() {
                     bdpt::sample(
                         &integrator,
                         &scene,
+                        &Values([1.0]),
                         &mut sampler,
                         pixel,
                         true,

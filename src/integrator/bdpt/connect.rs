@@ -1,196 +1,217 @@
 //! Joining subpaths: s = 1, t = 1 and the connections between.
 
 use super::{
-    super::{Integrator, Strategy},
+    super::{Integrator, Strategy, Values},
     vertex::Vertex,
 };
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    math::Rgb,
+    math::NodeRgb,
     sampler::Sampler,
     scene::Scene,
 };
 
-/// s = 1: samples a light point as seen from `z_{t-1}`, t ≥ 2.
-pub fn next_event(
-    integrator: &Integrator,
-    scene: &Scene,
-    connection: &mut Sampler,
-    camera: &[Vertex],
-    t: usize,
-    recorder: &mut impl Recorder,
-) {
-    let u_light = connection.next_1d();
-    let u = connection.next_2d();
-    let _spare = connection.next_1d();
-    let z = &camera[t - 1];
-    let Some(si) = z.surface() else { return };
-    if !z.connectible() {
-        return;
-    }
-    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
-    let light = &scene.lights[id as usize];
-    let Some(l) = light.sample_li(z.p, u) else { return };
-    let value = z.beta * z.scatter(l.wi, TransportMode::Radiance) * l.radiance / (l.pdf.0 * pmf.0);
-    if value == Rgb::ZERO {
-        return;
-    }
-    let value = value * scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
-    if value == Rgb::ZERO {
-        return;
-    }
-    let h = integrator.heuristic;
-    let dist2 = light.distance2(l.at.p, z.p);
-    // Densities of the light point, m⁻²: as sampled here, and as an origin. Those of
-    // a point light are both its selection probability.
-    let (p_nee, p_origin, pdf_dir) = {
-        let (origin, dir) = light.pdf_le(&l.at, -l.wi);
-        let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.at.n.dot(l.wi)).0 };
-        (f64::from(nee), f64::from(origin.0), dir)
-    };
-    let s0 = if light.is_delta() {
-        0.0
-    } else {
-        h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
-    };
-    let r = p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
-    let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
-    let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
-    recorder.add(&Contribution {
-        light: id,
-        at: l.at,
-        value: value * mis_weight,
-        strategy: Strategy::new(1, t),
-        mis_weight,
-    });
+/// What connections have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct Connect<'a, const N: usize> {
+    /// Options.
+    pub integrator: &'a Integrator,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Background values at which light is carried.
+    pub nodes: &'a Values<N>,
 }
 
-/// s ≥ 2, t ≥ 2: connects `y_{s-1}` with `z_{t-1}`.
-pub fn vertices(
-    integrator: &Integrator,
-    scene: &Scene,
-    light: &[Vertex],
-    s: usize,
-    camera: &[Vertex],
-    t: usize,
-    recorder: &mut impl Recorder,
-) {
-    let (y, z) = (&light[s - 1], &camera[t - 1]);
-    let (Some(y_si), Some(z_si)) = (y.surface(), z.surface()) else { return };
-    if !(y.connectible() && z.connectible()) {
-        return;
+impl<const N: usize> Connect<'_, N> {
+    /// s = 1: samples a light point as seen from `z_{t-1}`, t ≥ 2.
+    pub fn next_event(
+        &self,
+        connection: &mut Sampler,
+        camera: &[Vertex<N>],
+        t: usize,
+        recorder: &mut impl Recorder<N>,
+    ) {
+        let Self { integrator, scene, nodes } = *self;
+        let u_light = connection.next_1d();
+        let u = connection.next_2d();
+        let _spare = connection.next_1d();
+        let z = &camera[t - 1];
+        let Some(si) = z.surface() else { return };
+        if !z.connectible() {
+            return;
+        }
+        let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+        let light = &scene.lights[id as usize];
+        let Some(l) = light.sample_li(z.p, u) else { return };
+        let f = z.scatter(l.wi, TransportMode::Radiance);
+        let value = nodes.scatter(&z.beta, f, si).times(l.radiance / (l.pdf.0 * pmf.0));
+        if value.is_zero() {
+            return;
+        }
+        let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
+        if value.is_zero() {
+            return;
+        }
+        let h = integrator.heuristic;
+        let dist2 = light.distance2(l.at.p, z.p);
+        // Densities of the light point, m⁻²: as sampled here, and as an origin. Those of
+        // a point light are both its selection probability.
+        let (p_nee, p_origin, pdf_dir) = {
+            let (origin, dir) = light.pdf_le(&l.at, -l.wi);
+            let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.at.n.dot(l.wi)).0 };
+            (f64::from(nee), f64::from(origin.0), dir)
+        };
+        let s0 = if light.is_delta() {
+            0.0
+        } else {
+            h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
+        };
+        let r = p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
+        let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
+        let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
+        recorder.add(&Contribution {
+            light: id,
+            at: l.at,
+            value: value.scaled(mis_weight),
+            strategy: Strategy::new(1, t),
+            mis_weight,
+        });
     }
-    let d = y.p - z.p;
-    let dist2 = d.length_squared();
-    if dist2 == 0.0 {
-        return;
-    }
-    let w = d / dist2.sqrt();
-    let scatter = z.scatter(w, TransportMode::Radiance);
-    if scatter == Rgb::ZERO {
-        return;
-    }
-    // Each side's throughput holds its own cosine about the edge.
-    let value = z.beta * scatter * y.beta * y.scatter(-w, TransportMode::Importance) / dist2;
-    if value == Rgb::ZERO {
-        return;
-    }
-    let value = value * scene.transmittance(z_si.spawn_origin(w), y_si.spawn_origin(-w), None);
-    if value == Rgb::ZERO {
-        return;
-    }
-    let h = integrator.heuristic;
-    let r_z = f64::from(y.pdf(-w).to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
-    let r_y = f64::from(z.pdf(w).to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
-    let s_c = h.apply(r_z) * z.mis.close(h, z.pdf_rev(w));
-    let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(-w));
-    let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
-    recorder.add(&Contribution {
-        light: y.light,
-        at: y.at,
-        value: value * mis_weight,
-        strategy: Strategy::new(s, t),
-        mis_weight,
-    });
-}
 
-/// t = 1: connects a light point and every vertex of the light subpath to the
-/// lens.
-pub fn to_camera(
-    integrator: &Integrator,
-    scene: &Scene,
-    connection: &mut Sampler,
-    camera: &[Vertex],
-    light: &[Vertex],
-    recorder: &mut impl Recorder,
-) {
-    light_to_camera(integrator, scene, connection, camera, recorder);
-    let h = integrator.heuristic;
-    let on_lens = camera[0].p;
-    for (s, y) in light.iter().enumerate().skip(1).map(|(i, y)| (i + 1, y)) {
-        let Some(si) = y.surface() else { continue };
-        if s > integrator.max_depth || !y.connectible() {
-            continue;
+    /// s ≥ 2, t ≥ 2: connects `y_{s-1}` with `z_{t-1}`.
+    pub fn vertices(
+        &self,
+        light: &[Vertex<N>],
+        s: usize,
+        camera: &[Vertex<N>],
+        t: usize,
+        recorder: &mut impl Recorder<N>,
+    ) {
+        let Self { integrator, scene, nodes } = *self;
+        let (y, z) = (&light[s - 1], &camera[t - 1]);
+        let (Some(y_si), Some(z_si)) = (y.surface(), z.surface()) else { return };
+        if !(y.connectible() && z.connectible()) {
+            return;
         }
-        let Some(c) = scene.camera.sample_wi(on_lens, y.p) else { continue };
-        let value = y.beta * y.scatter(c.wi, TransportMode::Importance) * (c.we.0 / c.dist2);
-        if value == Rgb::ZERO {
-            continue;
+        let d = y.p - z.p;
+        let dist2 = d.length_squared();
+        if dist2 == 0.0 {
+            return;
         }
-        let value = value * scene.transmittance(on_lens, si.spawn_origin(c.wi), None);
-        if value == Rgb::ZERO {
-            continue;
+        let w = d / dist2.sqrt();
+        let f_z = z.scatter(w, TransportMode::Radiance);
+        if f_z.is_zero() {
+            return;
         }
-        let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
-        let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(c.wi));
-        let mis_weight = (1.0 / (1.0 + s_l)) as f32;
+        // Each side's throughput holds its own cosine about the edge.
+        let f_y = y.scatter(-w, TransportMode::Importance);
+        if f_y.is_zero() {
+            return;
+        }
+        let passed = scene.transmittance(z_si.spawn_origin(w), y_si.spawn_origin(-w), None);
+        if passed == 0.0 {
+            return;
+        }
+        let from_light = nodes.scatter(&y.beta, f_y, y_si);
+        let value = nodes.scatter(&z.beta, f_z, z_si).product(&from_light).scaled(passed / dist2);
+        if value.is_zero() {
+            return;
+        }
+        let h = integrator.heuristic;
+        let r_z = f64::from(y.pdf(-w).to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
+        let r_y = f64::from(z.pdf(w).to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
+        let s_c = h.apply(r_z) * z.mis.close(h, z.pdf_rev(w));
+        let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(-w));
+        let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
+        recorder.add(&Contribution {
+            light: y.light,
+            at: y.at,
+            value: value.scaled(mis_weight),
+            strategy: Strategy::new(s, t),
+            mis_weight,
+        });
+    }
+
+    /// t = 1: connects a light point and every vertex of the light subpath to the
+    /// lens.
+    pub fn to_camera(
+        &self,
+        connection: &mut Sampler,
+        camera: &[Vertex<N>],
+        light: &[Vertex<N>],
+        recorder: &mut impl Recorder<N>,
+    ) {
+        let Self { integrator, scene, nodes } = *self;
+        self.light_to_camera(connection, camera, recorder);
+        let h = integrator.heuristic;
+        let on_lens = camera[0].p;
+        for (s, y) in light.iter().enumerate().skip(1).map(|(i, y)| (i + 1, y)) {
+            let Some(si) = y.surface() else { continue };
+            if s > integrator.max_depth || !y.connectible() {
+                continue;
+            }
+            let Some(c) = scene.camera.sample_wi(on_lens, y.p) else { continue };
+            let f = y.scatter(c.wi, TransportMode::Importance);
+            let value = nodes.scatter(&y.beta, f, si).scaled(c.we.0 / c.dist2);
+            if value.is_zero() {
+                continue;
+            }
+            let value = value.scaled(scene.transmittance(on_lens, si.spawn_origin(c.wi), None));
+            if value.is_zero() {
+                continue;
+            }
+            let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
+            let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(c.wi));
+            let mis_weight = (1.0 / (1.0 + s_l)) as f32;
+            recorder.splat(
+                c.raster,
+                &Contribution {
+                    light: y.light,
+                    at: y.at,
+                    value: value.scaled(mis_weight),
+                    strategy: Strategy::new(s, 1),
+                    mis_weight,
+                },
+            );
+        }
+    }
+
+    /// s = 1, t = 1: a light point sampled as seen from the lens.
+    fn light_to_camera(
+        &self,
+        connection: &mut Sampler,
+        camera: &[Vertex<N>],
+        recorder: &mut impl Recorder<N>,
+    ) {
+        let Self { integrator, scene, .. } = *self;
+        let u_light = connection.next_1d();
+        let u = connection.next_2d();
+        let _spare = connection.next_1d();
+        let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+        let light = &scene.lights[id as usize];
+        if light.is_delta() || !light.camera_visible {
+            return;
+        }
+        let Some(l) = light.sample_li(camera[0].p, u) else { return };
+        let Some(c) = scene.camera.sample_wi(camera[0].p, l.at.p) else { return };
+        let p_nee = l.pdf.0 * pmf.0;
+        let passed = scene.transmittance(camera[0].p, l.at.p, Some(id));
+        let value = NodeRgb::<N>::ONE.times(l.radiance * (passed * c.we.0 / p_nee));
+        if value.is_zero() {
+            return;
+        }
+        let s0 = integrator.heuristic.apply(f64::from(c.we.0) / f64::from(p_nee));
+        let mis_weight = (1.0 / (1.0 + s0)) as f32;
         recorder.splat(
             c.raster,
             &Contribution {
-                light: y.light,
-                at: y.at,
-                value: value * mis_weight,
-                strategy: Strategy::new(s, 1),
+                light: id,
+                at: l.at,
+                value: value.scaled(mis_weight),
+                strategy: Strategy::new(1, 1),
                 mis_weight,
             },
         );
     }
-}
-
-/// s = 1, t = 1: a light point sampled as seen from the lens.
-fn light_to_camera(
-    integrator: &Integrator,
-    scene: &Scene,
-    connection: &mut Sampler,
-    camera: &[Vertex],
-    recorder: &mut impl Recorder,
-) {
-    let u_light = connection.next_1d();
-    let u = connection.next_2d();
-    let _spare = connection.next_1d();
-    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
-    let light = &scene.lights[id as usize];
-    if light.is_delta() || !light.camera_visible {
-        return;
-    }
-    let Some(l) = light.sample_li(camera[0].p, u) else { return };
-    let Some(c) = scene.camera.sample_wi(camera[0].p, l.at.p) else { return };
-    let p_nee = l.pdf.0 * pmf.0;
-    let value = l.radiance * (c.we.0 / p_nee) * scene.transmittance(camera[0].p, l.at.p, Some(id));
-    if value == Rgb::ZERO {
-        return;
-    }
-    let s0 = integrator.heuristic.apply(f64::from(c.we.0) / f64::from(p_nee));
-    let mis_weight = (1.0 / (1.0 + s0)) as f32;
-    recorder.splat(
-        c.raster,
-        &Contribution {
-            light: id,
-            at: l.at,
-            value: value * mis_weight,
-            strategy: Strategy::new(1, 1),
-            mis_weight,
-        },
-    );
 }

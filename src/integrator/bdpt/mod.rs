@@ -22,7 +22,7 @@ pub mod weight;
 
 use glam::UVec2;
 
-use super::Integrator;
+use super::{Integrator, Values};
 use crate::{
     film::Recorder,
     sampler::{Sampler, Stream},
@@ -32,23 +32,25 @@ pub use vertex::Vertex;
 
 /// Memory of a thread, reused from sample to sample.
 #[derive(Debug, Default)]
-pub struct Workspace<'a> {
+pub struct Workspace<'a, const N: usize = 1> {
     /// Camera subpath, `z_0` first.
-    pub camera: Vec<Vertex<'a>>,
+    pub camera: Vec<Vertex<'a, N>>,
     /// Light subpath, `y_0` first.
-    pub light: Vec<Vertex<'a>>,
+    pub light: Vec<Vertex<'a, N>>,
 }
 
 /// Traces both subpaths of a sample and records every connection. With
 /// `trace_camera` off only the light subpath's splats are made.
-pub fn sample<'a>(
+#[allow(clippy::too_many_arguments)]
+pub fn sample<'a, const N: usize>(
     integrator: &Integrator,
     scene: &'a Scene,
+    nodes: &Values<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     trace_camera: bool,
-    workspace: &mut Workspace<'a>,
-    recorder: &mut impl Recorder,
+    workspace: &mut Workspace<'a, N>,
+    recorder: &mut impl Recorder<N>,
 ) {
     let Workspace { camera, light } = workspace;
     let mut connection = sampler.clone();
@@ -56,17 +58,18 @@ pub fn sample<'a>(
     let mut light_sampler = sampler.clone();
     light_sampler.start_stream(Stream::Light);
 
-    subpath::trace_camera(integrator, scene, sampler, pixel, camera, trace_camera, recorder);
-    subpath::trace_light(integrator, scene, &mut light_sampler, light);
-    connect::to_camera(integrator, scene, &mut connection, camera, light, recorder);
+    subpath::trace_camera(integrator, scene, nodes, sampler, pixel, camera, trace_camera, recorder);
+    subpath::trace_light(integrator, scene, nodes, &mut light_sampler, light);
+    let connect = connect::Connect { integrator, scene, nodes };
+    connect.to_camera(&mut connection, camera, light, recorder);
     if !trace_camera {
         return;
     }
     for t in 2..=camera.len() {
-        connect::next_event(integrator, scene, &mut connection, camera, t, recorder);
+        connect.next_event(&mut connection, camera, t, recorder);
         let s_max = light.len().min(integrator.max_depth + 1 - t);
         for s in 2..=s_max {
-            connect::vertices(integrator, scene, light, s, camera, t, recorder);
+            connect.vertices(light, s, camera, t, recorder);
         }
     }
 }

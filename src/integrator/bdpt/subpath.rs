@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::{
-    super::{Heuristic, Integrator, Strategy, film_position, roulette},
+    super::{Heuristic, Integrator, Strategy, Values, film_position, roulette},
     vertex::{Vertex, VertexKind},
     weight::Partial,
 };
@@ -11,21 +11,23 @@ use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
     light::LightPoint,
-    math::{Rgb, SolidAnglePdf},
+    math::{NodeRgb, SolidAnglePdf},
     sampler::Sampler,
     scene::{Edge, Scene},
 };
 
 /// Traces a camera subpath into `out` (`z_0` first) and records every light
 /// it crosses (s = 0). With `trace` off only `z_0` is made.
-pub fn trace_camera<'a>(
+#[allow(clippy::too_many_arguments)]
+pub fn trace_camera<'a, const N: usize>(
     integrator: &Integrator,
     scene: &'a Scene,
+    nodes: &Values<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
-    out: &mut Vec<Vertex<'a>>,
+    out: &mut Vec<Vertex<'a, N>>,
     trace: bool,
-    recorder: &mut impl Recorder,
+    recorder: &mut impl Recorder<N>,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
     let (org, dir) = scene.camera.ray(raster, sampler.next_2d());
@@ -34,7 +36,7 @@ pub fn trace_camera<'a>(
         kind: VertexKind::Camera,
         p: org,
         wo: Vec3::ZERO,
-        beta: Rgb::ONE,
+        beta: NodeRgb::ONE,
         light: 0,
         at: LightPoint { p: Vec3::ZERO, n: Vec3::ZERO, rho: 0.0, element: 0 },
         pdf_fwd: 1.0,
@@ -47,27 +49,27 @@ pub fn trace_camera<'a>(
     let walk = Walk {
         org,
         dir,
-        beta: Rgb::ONE,
+        beta: NodeRgb::ONE,
         pdf: scene.camera.pdf_we(dir),
         // z_1 can be connected to the lens; t = 0 does not exist.
         mis: Partial { previous: 1.0, geometry: 0.0, inner: 0.0 },
         cos_over_pdf: 0.0,
         mode: TransportMode::Radiance,
     };
-    walk.run(integrator, scene, sampler, out, |walk, n_edges, from, edge| {
+    walk.run(integrator, scene, nodes, sampler, out, |walk, n_edges, from, edge| {
         cross_lights(integrator, scene, walk, n_edges, from, edge, recorder);
     });
 }
 
 /// Records the lights that an edge of a camera subpath crosses (s = 0).
-fn cross_lights(
+fn cross_lights<const N: usize>(
     integrator: &Integrator,
     scene: &Scene,
-    walk: &Walk,
+    walk: &Walk<N>,
     n_edges: usize,
-    from: &Vertex,
+    from: &Vertex<N>,
     edge: &Edge,
-    recorder: &mut impl Recorder,
+    recorder: &mut impl Recorder<N>,
 ) {
     let h = integrator.heuristic;
     scene.for_each_crossing(edge, |id, light, c| {
@@ -89,7 +91,7 @@ fn cross_lights(
         recorder.add(&Contribution {
             light: id,
             at: c.at,
-            value: walk.beta * c.radiance * mis_weight,
+            value: walk.beta.times(c.radiance * mis_weight),
             strategy: Strategy::new(0, n_edges + 1),
             mis_weight,
         });
@@ -97,11 +99,12 @@ fn cross_lights(
 }
 
 /// Traces a light subpath into `out` (`y_0` first); empty without lights.
-pub fn trace_light<'a>(
+pub fn trace_light<'a, const N: usize>(
     integrator: &Integrator,
     scene: &'a Scene,
+    nodes: &Values<N>,
     sampler: &mut Sampler,
-    out: &mut Vec<Vertex<'a>>,
+    out: &mut Vec<Vertex<'a, N>>,
 ) {
     out.clear();
     let u_light = sampler.next_1d();
@@ -118,7 +121,7 @@ pub fn trace_light<'a>(
         kind: VertexKind::Light(id),
         p: e.at.p,
         wo: Vec3::ZERO,
-        beta: Rgb::ONE,
+        beta: NodeRgb::ONE,
         light: id,
         at: e.at,
         pdf_fwd: f64::from(origin),
@@ -128,21 +131,21 @@ pub fn trace_light<'a>(
     let walk = Walk {
         org: e.at.p,
         dir: e.dir,
-        beta: e.radiance * (cos / (origin * e.pdf_dir.0)),
+        beta: NodeRgb::ONE.times(e.radiance * (cos / (origin * e.pdf_dir.0))),
         pdf: e.pdf_dir,
         // c_0: a light that can be crossed has s = 0.
         mis: Partial { previous: 0.0, geometry: 0.0, inner: if light.is_delta() { 0.0 } else { 1.0 } },
         cos_over_pdf: f64::from(cos) / f64::from(origin),
         mode: TransportMode::Importance,
     };
-    walk.run(integrator, scene, sampler, out, |_, _, _, _| {});
+    walk.run(integrator, scene, nodes, sampler, out, |_, _, _, _| {});
 }
 
 /// State of a random walk: the ray that leaves the last vertex.
-struct Walk {
+struct Walk<const N: usize> {
     org: Vec3,
     dir: Vec3,
-    beta: Rgb,
+    beta: NodeRgb<N>,
     /// Density of `dir`; a delta lobe's probability.
     pdf: SolidAnglePdf,
     /// Partial of the next vertex, but for `geometry`, which needs its distance.
@@ -152,7 +155,7 @@ struct Walk {
     mode: TransportMode,
 }
 
-impl Walk {
+impl<const N: usize> Walk<N> {
     /// The partial of a next vertex at squared distance `dist2`.
     fn partial(&self, h: Heuristic, dist2: f32) -> Partial {
         Partial { geometry: h.apply(self.cos_over_pdf / f64::from(dist2)), ..self.mis }
@@ -164,9 +167,10 @@ impl Walk {
         mut self,
         integrator: &Integrator,
         scene: &'a Scene,
+        nodes: &Values<N>,
         sampler: &mut Sampler,
-        out: &mut Vec<Vertex<'a>>,
-        mut on_edge: impl FnMut(&Self, usize, &Vertex<'a>, &Edge),
+        out: &mut Vec<Vertex<'a, N>>,
+        mut on_edge: impl FnMut(&Self, usize, &Vertex<'a, N>, &Edge),
     ) {
         let h = integrator.heuristic;
         let is_camera = self.mode == TransportMode::Radiance;
@@ -221,10 +225,10 @@ impl Walk {
             vertex.delta = sample.is_some_and(|s| s.delta);
             out.push(vertex);
             let Some(s) = sample else { return };
-            self.beta *= s.weight;
-            let Some(survivor) = roulette(n_edges, self.beta, u_roulette) else { return };
-            self.beta *= survivor;
-            if self.beta == Rgb::ZERO {
+            self.beta = nodes.scatter(&self.beta, s.weight, &si);
+            let Some(survivor) = roulette(n_edges, self.beta.largest(), u_roulette) else { return };
+            self.beta = self.beta.scaled(survivor);
+            if self.beta.is_zero() {
                 return;
             }
             self.mis = mis.extend(h, s.pdf_rev.0, s.delta);

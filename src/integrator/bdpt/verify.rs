@@ -8,7 +8,7 @@ use glam::{UVec2, Vec3};
 use super::{Workspace, vertex::Vertex};
 use crate::{
     film::{Contribution, Recorder},
-    integrator::Integrator,
+    integrator::{Integrator, Values},
     light::{LightId, LightPoint},
     sampler::Sampler,
     scene::{Scene, SurfaceInteraction},
@@ -140,7 +140,17 @@ pub fn compare_weights(
     let mut found: Vec<Contribution> = Vec::new();
     let mut workspace = Workspace::default();
     let mut recorder = |_raster: Option<glam::Vec2>, c: &Contribution| found.push(*c);
-    super::sample(integrator, scene, sampler, pixel, true, &mut workspace, as_recorder(&mut recorder));
+    let nodes = Values([scene.background_value()]);
+    super::sample(
+        integrator,
+        scene,
+        &nodes,
+        sampler,
+        pixel,
+        true,
+        &mut workspace,
+        as_recorder(&mut recorder),
+    );
     found
         .into_iter()
         .map(|c| {

@@ -3,9 +3,9 @@
 use glam::Vec3;
 
 use crate::{
-    bsdf::TransportMode,
+    bsdf::{Affine, TransportMode},
     light::{LightId, LightPoint},
-    math::{Rgb, SolidAnglePdf},
+    math::{NodeRgb, SolidAnglePdf},
     scene::SurfaceInteraction,
 };
 
@@ -22,7 +22,7 @@ pub enum VertexKind<'a> {
 
 /// A vertex of a camera or light subpath.
 #[derive(Clone, Copy, Debug)]
-pub struct Vertex<'a> {
+pub struct Vertex<'a, const N: usize = 1> {
     /// What it lies on.
     pub kind: VertexKind<'a>,
     /// Position, metres.
@@ -31,7 +31,7 @@ pub struct Vertex<'a> {
     pub wo: Vec3,
     /// Throughput from the subpath's start up to this vertex, its own
     /// scattering not included.
-    pub beta: Rgb,
+    pub beta: NodeRgb<N>,
     /// Light of a light subpath.
     pub light: LightId,
     /// Origin of a light subpath.
@@ -45,7 +45,7 @@ pub struct Vertex<'a> {
     pub mis: super::weight::Partial,
 }
 
-impl<'a> Vertex<'a> {
+impl<'a, const N: usize> Vertex<'a, N> {
     /// Geometric normal; `None` where there is no surface (lens, light).
     #[must_use]
     pub fn surface(&self) -> Option<&SurfaceInteraction<'a>> {
@@ -81,7 +81,7 @@ impl<'a> Vertex<'a> {
 
     /// Scattering toward `wi` times cosine, adjoint correction included.
     #[must_use]
-    pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Rgb {
-        self.surface().map_or(Rgb::ZERO, |si| si.scatter(self.wo, wi, mode))
+    pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Affine {
+        self.surface().map_or(Affine::ZERO, |si| si.scatter(self.wo, wi, mode))
     }
 }

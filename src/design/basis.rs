@@ -1,0 +1,486 @@
+//! Optimisation on the transport basis: one render, many evaluations.
+//!
+//! Samples are added until the error of f_q is small enough; a check render with
+//! samples of its own gives the f_q that is reported; while both disagree the
+//! basis is rendered again, with its size knots around the lights found.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::{
+    Camera, Purpose, Reporter, RunError, RunOptions, Shot, attribute,
+    evaluator::{Evaluator, Scratch},
+    search::{self, Polished, Trial},
+    seed_for,
+};
+use crate::{
+    audit::{RunDir, picture},
+    integrator::{RenderError, aov::Aovs},
+    light::SizeDensity,
+    math::hash::hash_words,
+    objective::{JackknifeEstimate, Objective},
+    optim::{OptimError, StopReason},
+    params::{ParamVector, survey::SizeBounds},
+    scene::{Scene, sidecar::FreeKind},
+    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+/// Replicates, from which errors are estimated.
+const REPLICATES: usize = 4;
+/// Knots of a light's size, and the fewest that memory may leave.
+const KNOTS: usize = 24;
+const MIN_KNOTS: usize = 8;
+/// Knots after refocusing lie within this share of the size found.
+const FOCUS: f64 = 0.15;
+/// Times the basis is rendered anew around what was found.
+const MAX_REFOCUS: u32 = 2;
+/// Times that samples are added for the tolerance.
+const MAX_ADDITIONS: u32 = 6;
+/// Samples per pixel after which no more are added, of all replicates.
+const MAX_SAMPLES: u32 = 4096;
+/// The picture on which starts are screened is smaller by this factor.
+const REDUCTION: u32 = 4;
+
+/// What a basis of a scene leaves open.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Sizes that vary, by light.
+    sizes: Vec<SizeBounds>,
+    /// The largest value of a background that varies.
+    value: Option<f32>,
+    knots: usize,
+    /// The lighting of what does not vary.
+    fixed: LightingPoint,
+}
+
+/// A basis and what it is made of.
+pub struct Engine {
+    plan: Plan,
+    basis: TransportBasis,
+    seed: u64,
+}
+
+/// What was found for one target.
+pub struct Found {
+    /// The point, in the unit cube.
+    pub u: Vec<f64>,
+    /// f_q there, from samples that chose nothing.
+    pub check: JackknifeEstimate,
+    /// Evaluations with gradient.
+    pub evaluations: u32,
+    /// Why the last search ended.
+    pub stop: StopReason,
+}
+
+impl Plan {
+    /// Plans a basis of the scene, whose sizes have been fitted, within the memory
+    /// allowed.
+    ///
+    /// # Errors
+    /// When even the fewest knots need more memory than allowed.
+    pub fn new(
+        scene: &Scene,
+        sizes: &[SizeBounds],
+        largest_value: Option<f32>,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<Self, RunError> {
+        let free = |kind| options.free.contains(kind);
+        let open = |l: usize| free(FreeKind::Size) && scene.light_bounds[l].size_free;
+        let mut plan = Self {
+            sizes: sizes.iter().enumerate().map(|(l, s)| s.filter(|_| open(l))).collect(),
+            value: largest_value.filter(|_| free(FreeKind::Background)),
+            knots: KNOTS,
+            fixed: LightingPoint {
+                radiance: scene.lights.iter().map(|l| f64::from(l.radiance)).collect(),
+                size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
+                value: f64::from(scene.background_value()),
+            },
+        };
+        let need = |plan: &Self| plan.layout(scene, options, None).memory(REPLICATES);
+        while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
+            plan.knots -= 4;
+        }
+        let bytes = need(&plan);
+        if bytes > options.memory {
+            return Err(RunError::Memory { needed: bytes >> 20, allowed: options.memory >> 20 });
+        }
+        let layout = plan.layout(scene, options, None);
+        let reduced = if plan.knots < KNOTS { ", fewer to fit the memory allowed" } else { "" };
+        reporter.note(&format!(
+            "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
+             nodes, {REPLICATES} replicates, {} MiB",
+            layout.size.x,
+            layout.size.y,
+            layout.n_cells(),
+            plan.knots,
+            layout.nodes.len(),
+            bytes >> 20,
+        ));
+        Ok(plan)
+    }
+
+    /// The layout, with knots around the sizes of `focus` if given.
+    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&LightingPoint>) -> Layout {
+        let bins = self.sizes.iter().enumerate().map(|(l, range)| match (range, focus) {
+            (None, _) => SizeBins::Fixed(scene.lights[l].size),
+            (Some([lo, hi]), None) => {
+                SizeBins::Free(Knots::geometric(f64::from(*lo), f64::from(*hi), self.knots))
+            }
+            (Some([lo, hi]), Some(x)) => {
+                SizeBins::Free(Knots::around(f64::from(*lo), f64::from(*hi), x.size[l], FOCUS, self.knots))
+            }
+        });
+        let nodes = match self.value {
+            None => ValueNodes::new(f64::from(scene.background_value()), 1),
+            Some(v) => ValueNodes::new(f64::from(v), options.integrator.max_depth),
+        };
+        Layout::new(options.work_size, bins.collect(), nodes)
+    }
+
+    /// Makes the scene sample every size and the largest value.
+    fn open(&self, scene: &mut Scene) {
+        for (light, range) in scene.lights.iter_mut().zip(&self.sizes) {
+            if let Some([least, extent]) = *range {
+                light.size_density = SizeDensity::AnySize { least, extent };
+            }
+        }
+        if let Some(v) = self.value {
+            scene.set_background_value(v, v);
+        }
+    }
+}
+
+impl Engine {
+    /// Renders the first samples of a basis.
+    ///
+    /// # Errors
+    /// As [`TransportBasis::render`].
+    pub fn new(
+        plan: Plan,
+        scene: &mut Scene,
+        camera: &Camera,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<Self, RunError> {
+        let layout = plan.layout(scene, options, None);
+        let seed = seed_for(options.seed, Purpose::Optimise);
+        let mut engine = Self { plan, basis: TransportBasis::new(layout, REPLICATES), seed };
+        engine.add(options.spp, scene, camera, options, reporter)?;
+        Ok(engine)
+    }
+
+    /// Adds samples: `spp` per pixel over all replicates.
+    fn add(
+        &mut self,
+        spp: u32,
+        scene: &mut Scene,
+        camera: &Camera,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<(), RunError> {
+        let count = spp.div_ceil(REPLICATES as u32).max(1);
+        reporter
+            .stage("rendering the transport basis", Some(u64::from(options.work_size.y) * REPLICATES as u64));
+        self.plan.open(scene);
+        let source =
+            Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
+        self.basis.render(source, count, reporter)?;
+        Ok(())
+    }
+
+    /// Samples per pixel of all replicates.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        self.basis.n_samples() * REPLICATES as u32
+    }
+
+    /// The picture with every light at radiance 1, its present size, and the
+    /// background as it is.
+    #[must_use]
+    pub fn unit_picture(&self) -> crate::film::Picture {
+        let x = &self.plan.fixed;
+        self.basis.picture(&LightingPoint { radiance: vec![1.0; x.radiance.len()], ..x.clone() })
+    }
+
+    fn evaluator<'a>(
+        &'a self,
+        basis: &'a TransportBasis,
+        objective: &'a Objective,
+        variables: &'a ParamVector,
+        scene: &Scene,
+        options: &RunOptions,
+    ) -> Evaluator<'a> {
+        Evaluator {
+            basis,
+            objective,
+            variables,
+            fixed: &self.plan.fixed,
+            luminance: options.luminance,
+            exposure: f64::from(scene.exposure),
+        }
+    }
+}
+
+/// What is optimised.
+pub struct Problem<'a> {
+    pub scene: &'a mut Scene,
+    pub camera: &'a Camera,
+    pub objective: &'a Objective,
+    pub variables: &'a ParamVector,
+    pub aovs: &'a Aovs,
+    pub options: &'a RunOptions,
+    pub target: &'a crate::objective::Target,
+}
+
+/// Estimates f_q at `u` from the basis.
+///
+/// # Errors
+/// With too few replicates.
+pub fn estimate(engine: &Engine, problem: &Problem, u: &[f64]) -> Result<JackknifeEstimate, RunError> {
+    let Problem { scene, objective, variables, options, .. } = problem;
+    let evaluator = engine.evaluator(&engine.basis, objective, variables, scene, options);
+    Ok(evaluator.estimate(u, &mut Scratch::default())?)
+}
+
+/// Whether an estimate is as exact as asked for.
+fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
+    e.half_width <= tolerance && e.correction.abs() <= 2.0 * tolerance
+}
+
+/// Factor on the samples that would make it so.
+fn lacking(e: &JackknifeEstimate, tolerance: f64) -> f64 {
+    (e.half_width / tolerance).powi(2).max(e.correction.abs() / (2.0 * tolerance))
+}
+
+/// Finds the lights: searches, adds samples, checks, refocuses.
+///
+/// # Errors
+/// When a render or the record fails.
+pub fn optimise(
+    engine: &mut Engine,
+    starts: &[(String, Vec<f64>)],
+    mut problem: Problem<'_>,
+    dir: &mut RunDir,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<Found, RunError> {
+    let begin = Instant::now();
+    let cancelled = || reporter.cancelled();
+    let late = |options: &RunOptions| options.time_limit.is_some_and(|t| begin.elapsed() >= t);
+    reporter.stage("searching the basis", None);
+    let trials = search_from(engine, starts, &problem, &cancelled)?;
+    let Some((name, mut best)) = search::best(&trials).map(|(t, p)| (t.name.clone(), p.clone())) else {
+        return Err(OptimError::NothingEvaluated.into());
+    };
+    let mut n_evaluations: u32 =
+        trials.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum();
+    dir.log_starts(trials.iter().map(|t| start_line(t, problem.variables)))?;
+    dir.log_timing(&json!({"stage": "search", "seconds": begin.elapsed().as_secs_f64()}))?;
+    reporter.note(&format!(
+        "searched from {} starts; best from \"{name}\": f_q {:.4} ± {:.4}",
+        trials.len(),
+        best.estimate.evaluation.f_q,
+        best.estimate.error_bar()
+    ));
+
+    let tolerance = problem.options.tolerance;
+    let mut check = None;
+    let mut own: Option<Engine> = None;
+    for round in 0..=MAX_REFOCUS {
+        let mut additions = 0;
+        while !is_exact(&best.estimate, tolerance)
+            && additions < MAX_ADDITIONS
+            && !cancelled()
+            && !late(problem.options)
+        {
+            let engine = own.as_mut().unwrap_or(engine);
+            let now = engine.samples();
+            let wanted = f64::from(now) * lacking(&best.estimate, tolerance).clamp(1.2, 4.0);
+            let more = (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(now);
+            if more == 0 {
+                break;
+            }
+            match engine.add(more, problem.scene, problem.camera, problem.options, reporter) {
+                Err(RunError::Render(RenderError::Cancelled)) => break,
+                other => other?,
+            }
+            additions += 1;
+            best = refine(engine, &best, &problem, &mut n_evaluations, &cancelled)?;
+        }
+        let measured = check_at(&best, &mut problem, round, renders, reporter)?;
+        let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
+        let allowed = best.estimate.error_bar() + measured.error_bar();
+        reporter.note(&format!(
+            "basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
+            own.as_ref().unwrap_or(engine).samples(),
+            best.estimate.error_bar(),
+            measured.error_bar()
+        ));
+        let agrees = (f - checked).abs() <= allowed;
+        check = Some(measured);
+        if agrees || round == MAX_REFOCUS || cancelled() || late(problem.options) {
+            break;
+        }
+        reporter.note("they disagree: rendering the basis anew around the lights found");
+        let focus = evaluator_of(engine, &problem).lighting(&problem.variables.decode(&best.u));
+        let layout = engine.plan.layout(problem.scene, problem.options, Some(&focus));
+        let mut fresh = Engine {
+            plan: engine.plan.clone(),
+            basis: TransportBasis::new(layout, REPLICATES),
+            seed: hash_words(&[engine.seed, u64::from(round) + 1]),
+        };
+        let samples = own.as_ref().unwrap_or(engine).samples();
+        match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
+            Err(RunError::Render(RenderError::Cancelled)) => break,
+            other => other?,
+        }
+        best = refine(&fresh, &best, &problem, &mut n_evaluations, &cancelled)?;
+        own = Some(fresh);
+    }
+    let engine = own.as_ref().unwrap_or(engine);
+    record(engine, &best, &problem, dir)?;
+    let check = check.ok_or(OptimError::NothingEvaluated)?;
+    let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
+    Ok(Found { u: best.u, check, evaluations: n_evaluations, stop })
+}
+
+fn evaluator_of<'a>(engine: &'a Engine, problem: &'a Problem) -> Evaluator<'a> {
+    engine.evaluator(&engine.basis, problem.objective, problem.variables, problem.scene, problem.options)
+}
+
+fn search_from(
+    engine: &Engine,
+    starts: &[(String, Vec<f64>)],
+    problem: &Problem,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Vec<Trial>, RunError> {
+    let whole = evaluator_of(engine, problem);
+    let size = problem.options.work_size / REDUCTION;
+    // Of the pixels' majority; where that leaves no object or no background, the whole picture.
+    let wide = problem.aovs.width;
+    let (f, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
+    let mask: Vec<bool> = (0..size.element_product() as usize)
+        .map(|i| {
+            let (x, y) = (i % size.x as usize * f, i / size.x as usize * f);
+            let covered = (0..n).filter(|k| problem.aovs.mask[(y + k / f) * wide + x + k % f]).count();
+            2 * covered >= n
+        })
+        .collect();
+    let objective = Objective::new(problem.target, size.x as usize, size.y as usize, &mask);
+    let seed = engine.seed as u32;
+    Ok(match objective {
+        Err(_) => search::search(&whole, &whole, starts, seed, cancelled)?,
+        Ok(objective) => {
+            let basis = engine.basis.reduced(REDUCTION);
+            let reduced =
+                engine.evaluator(&basis, &objective, problem.variables, problem.scene, problem.options);
+            search::search(&whole, &reduced, starts, seed, cancelled)?
+        }
+    })
+}
+
+fn refine(
+    engine: &Engine,
+    best: &Polished,
+    problem: &Problem,
+    n_evaluations: &mut u32,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Polished, RunError> {
+    let refined = search::refine(&evaluator_of(engine, problem), &best.u, cancelled)?;
+    *n_evaluations += refined.evaluations.len() as u32;
+    let evaluations = [best.evaluations.clone(), refined.evaluations.clone()].concat();
+    Ok(Polished { evaluations, ..refined })
+}
+
+/// Renders what was found with samples that chose nothing, as many as its error needs.
+fn check_at(
+    best: &Polished,
+    problem: &mut Problem,
+    round: u32,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<JackknifeEstimate, RunError> {
+    let Problem { scene, camera, objective, variables, options, .. } = problem;
+    variables.apply(scene, &variables.decode(&best.u));
+    let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
+    let replicates = super::CHECK_REPLICATES;
+    let observer = super::Unstoppable(reporter);
+    let rows = u64::from(options.work_size.y * replicates);
+    let mut shot: Option<Shot> = None;
+    let mut spp = options.spp.max(replicates);
+    loop {
+        reporter.stage("checking the result with new samples", Some(rows));
+        let first = shot.as_ref().map_or(0, Shot::samples);
+        let next = camera.shoot_from(scene, seed, first, spp, replicates, &observer)?;
+        *renders += 1;
+        let all = match shot.take() {
+            None => next,
+            Some(before) => before.joined(&next),
+        };
+        let measured = all.measure(objective)?.estimate;
+        let now = all.samples() * replicates;
+        if is_exact(&measured, options.tolerance) || now >= MAX_SAMPLES || reporter.cancelled() {
+            return Ok(measured);
+        }
+        let wanted = f64::from(now) * lacking(&measured, options.tolerance).clamp(1.2, 4.0);
+        spp = (wanted.ceil() as u32).min(MAX_SAMPLES) - now;
+        shot = Some(all);
+    }
+}
+
+fn start_line(t: &Trial, variables: &ParamVector) -> serde_json::Value {
+    json!({
+        "start": t.name,
+        "x": variables.named(&variables.decode(&t.start)),
+        "screened": t.screened,
+        "f_q": t.polished.as_ref().map(|p| p.estimate.evaluation.f_q),
+        "f_q_error": t.polished.as_ref().map(|p| p.estimate.error_bar()),
+        "found": t.polished.as_ref().map(|p| variables.named(&variables.decode(&p.u))),
+        "evaluations": t.polished.as_ref().map(|p| p.evaluations.len()),
+        "stop": t.polished.as_ref().map(|p| p.stop.to_string()),
+    })
+}
+
+/// Writes the evaluations that led to the result, and a picture of each improvement.
+fn record(engine: &Engine, best: &Polished, problem: &Problem, dir: &mut RunDir) -> Result<(), RunError> {
+    let Problem { scene, variables, options, aovs, target, objective, .. } = problem;
+    let evaluator = evaluator_of(engine, problem);
+    let estimates: Vec<JackknifeEstimate> = best
+        .evaluations
+        .par_iter()
+        .map_init(Scratch::default, |scratch, (u, _, _)| evaluator.estimate(u, scratch))
+        .collect::<Result<_, _>>()?;
+    let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+    let mut least = f64::INFINITY;
+    for (i, ((u, f, slope), e)) in best.evaluations.iter().zip(&estimates).enumerate() {
+        let x = variables.decode(u);
+        let f_q = e.evaluation.f_q;
+        let mut line = json!({
+            "evaluation": i + 1,
+            "x": variables.named(&x),
+            "f_q": f_q,
+            "f_q_error": e.error_bar(),
+            "f_q_naive": e.naive,
+            "f_q_smoothed": f,
+            "terms": e.evaluation.terms_json(),
+            "gradient_norm": slope,
+        });
+        dir.log_evaluation(&line)?;
+        if f_q < least {
+            least = f_q;
+            let picture = engine.basis.picture(&evaluator.lighting(&x));
+            let exposure = f64::from(scene.exposure);
+            let display = options.luminance.encode_image(&picture.rgb, exposure);
+            let shown = objective.evaluate(&display);
+            let attribute = attribute(scene, options, target, variables, &x, &shown, engine.samples());
+            let exr = picture::exr(&picture, aovs, &names, exposure, options.luminance, attribute);
+            // Of the picture as it is, noise included: what `evaluate` finds in the file.
+            line["f_q_picture"] = shown.f_q.into();
+            dir.log_iteration(&line, &exr)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,217 @@
+//! Many starts on the basis: screened cheaply, few polished.
+//!
+//! Starts are the given ones and points of a low-discrepancy set. All are
+//! measured on a reduced picture; the best of them that lie apart descend there;
+//! the best of what these find descend on the whole picture, with less and less
+//! smoothing. What wins is the least f_q, unsmoothed and freed of noise bias.
+
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+
+use super::evaluator::{Evaluator, Scratch};
+use crate::{
+    objective::{JackknifeEstimate, Smoothing},
+    optim::{self, Interrupt, OptimError, StopReason},
+};
+
+/// Points of the low-discrepancy set.
+const N_RANDOM: u32 = 192;
+/// Starts that descend on the reduced picture, and that go on to the whole one.
+const N_COARSE: usize = 16;
+const N_FINE: usize = 4;
+/// Starts nearer than this to a better one, in any direction of the unit cube, do not descend.
+const APART: f64 = 0.1;
+/// Evaluations of a descent on the reduced picture and of each stage on the whole one.
+const COARSE_EVALUATIONS: u32 = 40;
+const FINE_EVALUATIONS: u32 = 40;
+
+/// A start and what became of it.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Where it comes from.
+    pub name: String,
+    /// The start.
+    pub start: Vec<f64>,
+    /// Smoothed f_q of the start on the reduced picture.
+    pub screened: f64,
+    /// Its descent on the whole picture, if it was among the best.
+    pub polished: Option<Polished>,
+}
+
+/// The end of a descent on the whole picture.
+#[derive(Clone, Debug)]
+pub struct Polished {
+    /// The point found.
+    pub u: Vec<f64>,
+    /// f_q there.
+    pub estimate: JackknifeEstimate,
+    /// Every evaluation: point, smoothed f_q and length of the gradient.
+    pub evaluations: Vec<(Vec<f64>, f64, f64)>,
+    /// Why the last stage ended.
+    pub stop: StopReason,
+}
+
+/// Smoothing and the largest component of the first trial step of the stages.
+const STAGES: [(f64, f64); 3] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02), (Smoothing::DELTA_LAST, 0.005)];
+
+/// Searches from `starts` and from a low-discrepancy set; `reduced` is the same
+/// problem on a smaller picture. The trials come back in the order of their
+/// starts; at least one is polished.
+///
+/// # Errors
+/// When NLopt fails, or f_q is not a number.
+pub fn search(
+    whole: &Evaluator,
+    reduced: &Evaluator,
+    starts: &[(String, Vec<f64>)],
+    seed: u32,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Vec<Trial>, OptimError> {
+    let n = whole.variables.len();
+    let spread = (0..N_RANDOM).map(|i| {
+        let point = (0..n as u32).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect();
+        (format!("spread {i}"), point)
+    });
+    let mut trials: Vec<Trial> = starts
+        .iter()
+        .cloned()
+        .chain(spread)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, (name, start)| {
+            let smoothing = Smoothing::with_delta(Smoothing::DELTA_FIRST);
+            let screened = reduced.evaluate(&start, &smoothing, None, scratch).unwrap_or(f64::INFINITY);
+            Trial { name, start, screened, polished: None }
+        })
+        .collect();
+
+    let mut order: Vec<usize> = (0..trials.len()).collect();
+    order.sort_by(|&a, &b| trials[a].screened.total_cmp(&trials[b].screened));
+    let chosen = apart(order.iter().map(|&i| (i, trials[i].start.as_slice())), N_COARSE);
+    let mut coarse: Vec<(usize, Vec<f64>, f64)> = chosen
+        .into_par_iter()
+        .map(|i| {
+            let descent = descend(reduced, &trials[i].start, &STAGES[..2], COARSE_EVALUATIONS, cancelled)?;
+            let f = descent.evaluations.last().map_or(f64::INFINITY, |_| descent.best);
+            Ok((i, descent.u, f))
+        })
+        .collect::<Result<_, OptimError>>()?;
+    coarse.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let chosen = apart(coarse.iter().enumerate().map(|(k, c)| (k, c.1.as_slice())), N_FINE);
+    let polished: Vec<(usize, Polished)> = chosen
+        .into_par_iter()
+        .map(|k| {
+            let (i, u, _) = &coarse[k];
+            Ok((*i, polish(whole, u, &STAGES, cancelled)?))
+        })
+        .collect::<Result<_, OptimError>>()?;
+    for (i, p) in polished {
+        trials[i].polished = Some(p);
+    }
+    Ok(trials)
+}
+
+/// Descends from `u` once more, as after more samples.
+///
+/// # Errors
+/// As [`search`].
+pub fn refine(
+    whole: &Evaluator,
+    u: &[f64],
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Polished, OptimError> {
+    polish(whole, u, &STAGES[1..], cancelled)
+}
+
+/// The first of the points in their order that lie apart, `count` at most.
+fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
+    let mut kept: Vec<(usize, &[f64])> = Vec::new();
+    for (i, p) in points {
+        let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > APART);
+        if kept.len() < count && kept.iter().all(|(_, q)| far(q)) {
+            kept.push((i, p));
+        }
+    }
+    kept.into_iter().map(|(i, _)| i).collect()
+}
+
+struct Descent {
+    u: Vec<f64>,
+    best: f64,
+    evaluations: Vec<(Vec<f64>, f64, f64)>,
+    stop: StopReason,
+}
+
+fn descend(
+    evaluator: &Evaluator,
+    start: &[f64],
+    stages: &[(f64, f64)],
+    evaluations: u32,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Descent, OptimError> {
+    let n = start.len();
+    let mut scratch = Scratch::default();
+    let mut out = Descent {
+        u: start.to_vec(),
+        best: f64::INFINITY,
+        evaluations: Vec::new(),
+        stop: StopReason::NoProgress,
+    };
+    for (delta, first_step) in stages {
+        let smoothing = Smoothing::with_delta(*delta);
+        let mut scale = None;
+        let options = optim::Options {
+            max_evaluations: Some(evaluations),
+            f_tol_abs: 1e-6,
+            x_tol_abs: 1e-5,
+            ..Default::default()
+        };
+        let log = &mut out.evaluations;
+        let outcome = optim::minimize(&out.u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+            if cancelled() {
+                return ControlFlow::Break(Interrupt);
+            }
+            let mut g = vec![0.0; n];
+            let f = evaluator.evaluate(u, &smoothing, Some(&mut g), &mut scratch).unwrap_or(f64::NAN);
+            log.push((u.to_vec(), f, g.iter().map(|g| g * g).sum::<f64>().sqrt()));
+            let steepest = g.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+            let c = *scale.get_or_insert(if steepest > *first_step { first_step / steepest } else { 1.0 });
+            for (out, g) in gradient.iter_mut().zip(g) {
+                *out = c * g;
+            }
+            ControlFlow::Continue(c * f)
+        });
+        match outcome {
+            Ok(outcome) => {
+                out.u = outcome.x;
+                out.best = outcome.f / scale.unwrap_or(1.0);
+                out.stop = outcome.stop;
+            }
+            Err(OptimError::NothingEvaluated) => {
+                out.stop = StopReason::Interrupted;
+                break;
+            }
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(out)
+}
+
+fn polish(
+    whole: &Evaluator,
+    start: &[f64],
+    stages: &[(f64, f64)],
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Polished, OptimError> {
+    let Descent { u, evaluations, stop, .. } = descend(whole, start, stages, FINE_EVALUATIONS, cancelled)?;
+    let estimate = whole.estimate(&u, &mut Scratch::default()).map_err(|_| OptimError::NothingEvaluated)?;
+    Ok(Polished { u, estimate, evaluations, stop })
+}
+
+/// The polished trial with the least f_q.
+#[must_use]
+pub fn best(trials: &[Trial]) -> Option<(&Trial, &Polished)> {
+    let polished = trials.iter().filter_map(|t| Some((t, t.polished.as_ref()?)));
+    polished.min_by(|a, b| a.1.estimate.evaluation.f_q.total_cmp(&b.1.estimate.evaluation.f_q))
+}

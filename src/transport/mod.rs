@@ -1,0 +1,243 @@
+//! The transport basis: one render from which every lighting follows.
+//!
+//! Light transport is linear in a light's radiance L_l, an indicator in its size
+//! s_l and a polynomial in the background's value v, so that every pixel is
+//!
+//! ```text
+//! I(x) = Σ_l L_l Σ_k ℓ_k(v) C_{l,k}(s_l)
+//! ```
+//!
+//! with ℓ_k of the [value nodes](nodes) and C of the [size knots](knots). Any
+//! integrator fills the table through [`BasisFilm`]; images and their exact
+//! derivatives are then sums over a few of its rows ([`Recombination`]).
+//!
+//! Replicates come from independent scrambles. Each has a table of luminance, for
+//! the objective; colour is kept as their mean. Tables hold prefix sums over the
+//! knots, layout [cell][node][pixel] (colour: [cell][node][rgb][pixel]), the cells
+//! of a light being its knots; a light whose size is not free has a single cell.
+
+mod film;
+pub mod knots;
+pub mod nodes;
+mod recombine;
+
+use glam::UVec2;
+
+use crate::{
+    integrator::{Integrator, Observer, RenderError, Sampling, Values},
+    math::hash::hash_words,
+    sampler::SamplerKind,
+    scene::Scene,
+};
+
+pub use film::BasisFilm;
+pub use knots::Knots;
+pub use nodes::ValueNodes;
+pub use recombine::{LightingGradient, LightingPoint, Recombination};
+
+/// The cells of a light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightCells {
+    /// The first of its cells.
+    pub first_cell: usize,
+    /// Knots of a free size.
+    pub knots: Option<Knots>,
+    /// The size when it is not free.
+    pub size: f32,
+}
+
+impl LightCells {
+    /// Number of its cells.
+    #[must_use]
+    pub fn n_cells(&self) -> usize {
+        self.knots.as_ref().map_or(1, Knots::len)
+    }
+}
+
+/// What a basis keeps apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Film size, pixels.
+    pub size: UVec2,
+    /// The lights, in the scene's order.
+    pub lights: Vec<LightCells>,
+    /// Nodes of the background's value.
+    pub nodes: ValueNodes,
+}
+
+/// A light's size in a basis.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SizeBins {
+    /// Kept at a size.
+    Fixed(f32),
+    /// Free between the first and the last knot.
+    Free(Knots),
+}
+
+impl Layout {
+    /// A layout of a film for lights with these sizes.
+    #[must_use]
+    pub fn new(size: UVec2, sizes: Vec<SizeBins>, nodes: ValueNodes) -> Self {
+        let mut first_cell = 0;
+        let lights = sizes
+            .into_iter()
+            .map(|bins| {
+                let light = match bins {
+                    SizeBins::Fixed(size) => LightCells { first_cell, knots: None, size },
+                    SizeBins::Free(knots) => {
+                        let size = knots.sizes().last().copied().unwrap_or(0.0) as f32;
+                        LightCells { first_cell, knots: Some(knots), size }
+                    }
+                };
+                first_cell += light.n_cells();
+                light
+            })
+            .collect();
+        Self { size, lights, nodes }
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn n_pixels(&self) -> usize {
+        self.size.element_product() as usize
+    }
+
+    /// Number of cells of all lights.
+    #[must_use]
+    pub fn n_cells(&self) -> usize {
+        self.lights.iter().map(LightCells::n_cells).sum()
+    }
+
+    /// Rows of a table: cells times value nodes.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        self.n_cells() * self.nodes.len()
+    }
+
+    /// Memory of a basis of `replicates` replicates while it is rendered, bytes:
+    /// a table of luminance each, the table of colour, and the film's own.
+    #[must_use]
+    pub fn memory(&self, replicates: usize) -> u64 {
+        (self.n_rows() * self.n_pixels() * 4 * (replicates + 3 + 3)) as u64
+    }
+}
+
+/// A rendered basis.
+#[derive(Clone, Debug)]
+pub struct TransportBasis {
+    layout: Layout,
+    /// By replicate: sums of luminance over the samples.
+    luminance: Vec<Vec<f32>>,
+    /// Sums of colour over the samples of all replicates.
+    rgb: Vec<f32>,
+    n_samples: u32,
+}
+
+/// What fills a basis.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// The scene; its lights' radiances do not matter.
+    pub scene: &'a Scene,
+    /// Light transport.
+    pub integrator: &'a Integrator,
+    /// Family of sequences.
+    pub sampler: SamplerKind,
+    /// Seed of all replicates.
+    pub seed: u64,
+}
+
+impl TransportBasis {
+    /// An empty basis.
+    #[must_use]
+    pub fn new(layout: Layout, replicates: usize) -> Self {
+        let n = layout.n_rows() * layout.n_pixels();
+        Self { luminance: vec![vec![0.0; n]; replicates], rgb: vec![0.0; 3 * n], n_samples: 0, layout }
+    }
+
+    /// What is kept apart.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Number of replicates.
+    #[must_use]
+    pub fn n_replicates(&self) -> usize {
+        self.luminance.len()
+    }
+
+    /// Samples per pixel of each replicate.
+    #[must_use]
+    pub fn n_samples(&self) -> u32 {
+        self.n_samples
+    }
+
+    /// Adds `count` samples per pixel to every replicate, each continuing its own
+    /// sequence.
+    ///
+    /// # Errors
+    /// As [`Integrator::render`]; the basis is then of no use.
+    pub fn render(
+        &mut self,
+        source: Source,
+        count: u32,
+        observer: &impl Observer,
+    ) -> Result<(), RenderError> {
+        match self.layout.nodes.len() {
+            1 => self.render_nodes::<1>(source, count, observer),
+            2..=8 => self.render_nodes::<8>(source, count, observer),
+            _ => self.render_nodes::<32>(source, count, observer),
+        }
+    }
+
+    fn render_nodes<const N: usize>(
+        &mut self,
+        source: Source,
+        count: u32,
+        observer: &impl Observer,
+    ) -> Result<(), RenderError> {
+        let layout = self.layout.clone();
+        let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
+        let nodes = Values::<N>(std::array::from_fn(node));
+        let mut film = BasisFilm::<N>::new(&layout);
+        for (r, luminance) in self.luminance.iter_mut().enumerate() {
+            let seed = hash_words(&[source.seed, r as u64]);
+            let sampling = Sampling { sampler: source.sampler, seed, first: self.n_samples, count };
+            source.integrator.render_values(source.scene, &nodes, &mut film, sampling, observer)?;
+            film.commit(luminance, &mut self.rgb);
+        }
+        self.n_samples += count;
+        Ok(())
+    }
+
+    /// The basis of the picture reduced by averaging blocks of `factor` by `factor`
+    /// pixels, which divides its size; without colour.
+    #[must_use]
+    pub fn reduced(&self, factor: u32) -> Self {
+        let size = self.layout.size / factor;
+        let layout = Layout { size, ..self.layout.clone() };
+        let (n, wide) = (layout.n_pixels(), self.layout.size.x as usize);
+        let f = factor as usize;
+        let reduce = |table: &Vec<f32>| -> Vec<f32> {
+            let mut out = vec![0.0; layout.n_rows() * n];
+            for (to, from) in out.chunks_exact_mut(n).zip(table.chunks_exact(self.layout.n_pixels())) {
+                for (y, to) in to.chunks_exact_mut(size.x as usize).enumerate() {
+                    for line in from[y * f * wide..][..f * wide].chunks_exact(wide) {
+                        for (to, block) in to.iter_mut().zip(line.chunks_exact(f)) {
+                            *to += block.iter().sum::<f32>() / (f * f) as f32;
+                        }
+                    }
+                }
+            }
+            out
+        };
+        let luminance = self.luminance.iter().map(reduce).collect();
+        Self { luminance, rgb: Vec::new(), n_samples: self.n_samples, layout }
+    }
+
+    /// Row of a table.
+    fn row(&self, replicate: usize, row: usize) -> &[f32] {
+        let n = self.layout.n_pixels();
+        &self.luminance[replicate][row * n..][..n]
+    }
+}

@@ -1,0 +1,176 @@
+//! Images of a lighting from the basis, and their exact derivatives.
+
+use rayon::prelude::*;
+
+use super::{Layout, TransportBasis};
+use crate::film::Picture;
+
+/// A lighting: what the basis leaves open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightingPoint {
+    /// Radiance of each light.
+    pub radiance: Vec<f64>,
+    /// Size of each light; of no effect where it is not free.
+    pub size: Vec<f64>,
+    /// The background's value; of no effect where it is not free.
+    pub value: f64,
+}
+
+/// One row of the tables in an image, with the derivatives of its weight.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    row: usize,
+    light: usize,
+    weight: f64,
+    by_radiance: f64,
+    by_size: f64,
+    by_value: f64,
+}
+
+/// An image as a sum over rows of the tables.
+#[derive(Clone, Debug)]
+pub struct Recombination {
+    entries: Vec<Entry>,
+}
+
+/// Derivatives of a number by everything that a lighting may vary.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightingGradient {
+    /// By each light's radiance.
+    pub radiance: Vec<f64>,
+    /// By each light's size; 0 where it is not free.
+    pub size: Vec<f64>,
+    /// By the background's value; 0 where it is not free.
+    pub value: f64,
+}
+
+impl Recombination {
+    /// The rows and weights of a lighting.
+    ///
+    /// # Panics
+    /// When the lighting has another number of lights than the layout.
+    #[must_use]
+    pub fn new(layout: &Layout, x: &LightingPoint) -> Self {
+        assert_eq!(x.radiance.len(), layout.lights.len(), "one radiance a light");
+        assert_eq!(x.size.len(), layout.lights.len(), "one size a light");
+        let n_nodes = layout.nodes.len();
+        let (value, value_slope) = layout.nodes.weights(x.value);
+        let mut entries = Vec::new();
+        for (light, cells) in layout.lights.iter().enumerate() {
+            let radiance = x.radiance[light];
+            let mut push = |cell: usize, share: f64, slope: f64| {
+                for k in 0..n_nodes {
+                    entries.push(Entry {
+                        row: (cells.first_cell + cell) * n_nodes + k,
+                        light,
+                        weight: radiance * share * value[k],
+                        by_radiance: share * value[k],
+                        by_size: radiance * slope * value[k],
+                        by_value: radiance * share * value_slope[k],
+                    });
+                }
+            };
+            match &cells.knots {
+                None => push(0, 1.0, 0.0),
+                Some(knots) => {
+                    let w = knots.weights(x.size[light]);
+                    for i in 0..3 {
+                        if w.first + i < knots.len() {
+                            push(w.first + i, w.value[i], w.slope[i]);
+                        }
+                    }
+                }
+            }
+        }
+        Self { entries }
+    }
+
+    /// Carries derivatives by the entries' weights to the lighting.
+    fn gradient(&self, layout: &Layout, by_weight: &[f64]) -> LightingGradient {
+        let n = layout.lights.len();
+        let mut g = LightingGradient { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0 };
+        for (e, d) in self.entries.iter().zip(by_weight) {
+            g.radiance[e.light] += e.by_radiance * d;
+            g.size[e.light] += e.by_size * d;
+            g.value += e.by_value * d;
+        }
+        g
+    }
+}
+
+/// Pixels handled at a time: they stay in the first cache level.
+const BLOCK: usize = 1024;
+
+impl TransportBasis {
+    /// Linear luminance of a replicate, into `out`.
+    pub fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
+        let scale = 1.0 / f64::from(self.n_samples().max(1));
+        for (b, out) in out.chunks_mut(BLOCK).enumerate() {
+            out.fill(0.0);
+            for e in &r.entries {
+                let row = &self.row(replicate, e.row)[b * BLOCK..][..out.len()];
+                let weight = e.weight * scale;
+                for (o, &v) in out.iter_mut().zip(row) {
+                    *o += weight * f64::from(v);
+                }
+            }
+        }
+    }
+
+    /// Derivatives by the lighting of Σ_r Σ_p `adjoints[r][p]` · luminance_r(p).
+    #[must_use]
+    pub fn pull_back(&self, r: &Recombination, adjoints: &[Vec<f64>]) -> LightingGradient {
+        let scale = 1.0 / f64::from(self.n_samples().max(1));
+        let mut by_weight = vec![0.0; r.entries.len()];
+        for (replicate, adjoint) in adjoints.iter().enumerate() {
+            for (b, a) in adjoint.chunks(BLOCK).enumerate() {
+                for (e, d) in r.entries.iter().zip(&mut by_weight) {
+                    *d += scale * dot(a, &self.row(replicate, e.row)[b * BLOCK..][..a.len()]);
+                }
+            }
+        }
+        r.gradient(self.layout(), &by_weight)
+    }
+
+    /// The picture of a lighting: mean over the replicates, with each light's share.
+    #[must_use]
+    pub fn picture(&self, x: &LightingPoint) -> Picture {
+        let layout = self.layout();
+        let n = layout.n_pixels();
+        let r = Recombination::new(layout, x);
+        let scale = 1.0 / (f64::from(self.n_samples().max(1)) * self.n_replicates() as f64);
+        let lights: Vec<Vec<[f32; 3]>> = (0..layout.lights.len())
+            .into_par_iter()
+            .map(|light| {
+                let mut sums = vec![[0.0_f64; 3]; n];
+                for e in r.entries.iter().filter(|e| e.light == light) {
+                    for c in 0..3 {
+                        let row = &self.rgb[(e.row * 3 + c) * n..][..n];
+                        for (s, &v) in sums.iter_mut().zip(row) {
+                            s[c] += e.weight * scale * f64::from(v);
+                        }
+                    }
+                }
+                // Weights of both signs: rounding may leave less than nothing.
+                sums.into_iter().map(|s| s.map(|v| v.max(0.0) as f32)).collect()
+            })
+            .collect();
+        let rgb = (0..n)
+            .map(|p| std::array::from_fn(|c| lights.iter().map(|l| f64::from(l[p][c])).sum::<f64>() as f32))
+            .collect();
+        Picture { width: layout.size.x as usize, height: layout.size.y as usize, rgb, lights }
+    }
+}
+
+/// Σ a·b in eight independent sums.
+fn dot(a: &[f64], b: &[f32]) -> f64 {
+    let mut lanes = [0.0_f64; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, &b)| a * f64::from(b)).sum();
+    for (a, b) in a8.zip(b8) {
+        for i in 0..8 {
+            lanes[i] += a[i] * f64::from(b[i]);
+        }
+    }
+    lanes.iter().sum::<f64>() + rest
+}

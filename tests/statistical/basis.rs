@@ -1,0 +1,335 @@
+//! The transport basis against ordinary renders.
+
+use glam::{UVec2, Vec3};
+use lightopt_embree::{
+    film::{Contribution, Recorder},
+    integrator::{Heuristic, Integrator, IntegratorKind},
+    light::SizeDensity,
+    math::{
+        luminance,
+        stats::{Moments, normal_deviate, sidak_z},
+    },
+    sampler::SamplerKind,
+    scene::{Scene, material::Model},
+    transport::{Knots, Layout, LightingPoint, Recombination, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+use crate::support::{random::Random, scenes};
+
+const PATH: Integrator = Integrator { kind: IntegratorKind::Path, max_depth: 6, heuristic: Heuristic::Power };
+const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
+const SIZES: [f32; 2] = [0.1, 1.5];
+const LARGEST_VALUE: f32 = 1.2;
+
+/// A room with every type of light, whose walls and floor are the background.
+fn scene() -> Scene {
+    let (mut s, mut m) = scenes::room();
+    m.push(scenes::material("floor", Model::Plastic, [0.5, 0.4, 0.3], 0.4));
+    m.push(scenes::material("metal", Model::Conductor, [0.7, 0.6, 0.5], 0.5));
+    m.push(scenes::material("ball", Model::Diffuse, [0.6, 0.5, 0.7], 0.0));
+    s.quad(Vec3::new(-1.0, 0.01, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 3);
+    s.quad(Vec3::new(-0.9, 0.1, -0.95), Vec3::X * 0.8, Vec3::Y * 1.2, 4);
+    s.sphere(Vec3::new(0.2, 0.4, 0.1), 0.35, 8, true, 5);
+    let cone = lightopt_embree::light::Cone { cos_inner: 0.9, cos_outer: 0.6 };
+    let lights = vec![
+        scenes::rectangle("panel", Vec3::new(0.0, 1.9, 0.0), Vec3::NEG_Y, 0.3, 0.2),
+        scenes::disk("spot", Vec3::new(-0.6, 1.6, 0.3), Vec3::new(0.5, -1.0, 0.0), 0.15, Some(cone)),
+        scenes::sphere_light("bulb", Vec3::new(0.5, 1.1, -0.3), 0.15),
+        scenes::disk("disk", Vec3::new(-0.9, 0.9, 0.6), Vec3::new(1.0, -0.2, -0.5), 0.2, None),
+        scenes::light(
+            "point",
+            lightopt_embree::light::Shape::Point(lightopt_embree::light::Point::isotropic(Vec3::new(
+                0.7, 1.5, 0.5,
+            ))),
+        ),
+        scenes::environment("sky", Some(scenes::sky())),
+    ];
+    let mut scene = Scene::new("any light", s.mesh, m, lights, scenes::room_camera((16, 12))).unwrap();
+    scene.set_background(vec![0, 1, 2, 3, 4]);
+    scene
+}
+
+fn free_sizes(scene: &mut Scene) -> Vec<SizeBins> {
+    let mut bins = Vec::new();
+    for light in &mut scene.lights {
+        if light.has_size() {
+            light.size_density = SizeDensity::AnySize { least: SIZES[0], extent: SIZES[1] };
+            bins.push(SizeBins::Free(Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 12)));
+        } else {
+            bins.push(SizeBins::Fixed(1.0));
+        }
+    }
+    bins
+}
+
+fn layout(scene: &mut Scene, max_depth: usize) -> Layout {
+    let sizes = free_sizes(scene);
+    scene.set_background_value(LARGEST_VALUE, LARGEST_VALUE);
+    Layout::new(scene.camera.size(), sizes, ValueNodes::new(f64::from(LARGEST_VALUE), max_depth))
+}
+
+fn random_lighting(scene: &Scene, random: &mut Random, value: f64) -> LightingPoint {
+    LightingPoint {
+        radiance: scene.lights.iter().map(|_| f64::from(random.range(0.0, 4.0))).collect(),
+        size: scene.lights.iter().map(|_| f64::from(random.range(SIZES[0], SIZES[1]))).collect(),
+        value,
+    }
+}
+
+/// Sums contributions with the feathered profile of each light and its radiance:
+/// what the basis stands for, without it.
+struct Feathered<'a> {
+    x: &'a LightingPoint,
+    layout: &'a Layout,
+    pixel: usize,
+    luminance: Vec<f64>,
+}
+
+impl Feathered<'_> {
+    fn add_to(&mut self, pixel: usize, c: &Contribution) {
+        let light = c.light as usize;
+        let share = match &self.layout.lights[light].knots {
+            Some(knots) => knots.feather(self.x.size[light], c.at.rho),
+            None => 1.0,
+        };
+        self.luminance[pixel] += self.x.radiance[light] * share * f64::from(luminance(c.value.largest()));
+    }
+}
+
+impl Recorder for &mut Feathered<'_> {
+    fn add(&mut self, c: &Contribution) {
+        self.add_to(self.pixel, c);
+    }
+    fn splat(&mut self, raster: glam::Vec2, c: &Contribution) {
+        let p = raster.as_uvec2();
+        self.add_to((p.y * self.layout.size.x + p.x) as usize, c);
+    }
+}
+
+/// One render, its contributions weighted directly; sampled at the largest value.
+fn feathered(
+    scene: &mut Scene,
+    integrator: &Integrator,
+    layout: &Layout,
+    x: &LightingPoint,
+    seed: u64,
+    spp: u32,
+) -> Vec<f64> {
+    use lightopt_embree::integrator::{Values, bdpt, path};
+    use lightopt_embree::sampler::Sampler;
+    scene.set_background_value(x.value as f32, LARGEST_VALUE);
+    let size = layout.size;
+    let mut film = Feathered { x, layout, pixel: 0, luminance: vec![0.0; layout.n_pixels()] };
+    let mut sampler = Sampler::new(SamplerKind::Sobol, seed);
+    let mut workspace = bdpt::Workspace::default();
+    let nodes = Values([x.value as f32]);
+    for p in 0..layout.n_pixels() as u32 {
+        let pixel = UVec2::new(p % size.x, p / size.x);
+        film.pixel = p as usize;
+        for i in 0..spp {
+            sampler.start(pixel, i);
+            let mut recorder = &mut film;
+            match integrator.kind {
+                IntegratorKind::Path => {
+                    path::sample(integrator, scene, &nodes, &mut sampler, pixel, &mut recorder)
+                }
+                IntegratorKind::Bdpt => bdpt::sample(
+                    integrator,
+                    scene,
+                    &nodes,
+                    &mut sampler,
+                    pixel,
+                    true,
+                    &mut workspace,
+                    &mut recorder,
+                ),
+            }
+        }
+    }
+    film.luminance.iter().map(|v| v / f64::from(spp)).collect()
+}
+
+fn recombined(basis: &TransportBasis, x: &LightingPoint) -> Vec<Vec<f64>> {
+    let r = Recombination::new(basis.layout(), x);
+    (0..basis.n_replicates())
+        .map(|i| {
+            let mut out = vec![0.0; basis.layout().n_pixels()];
+            basis.luminance(i, &r, &mut out);
+            out
+        })
+        .collect()
+}
+
+/// Values of the background at which recombination is tried: the ends too.
+fn values() -> [f64; 10] {
+    std::array::from_fn(|i| f64::from(LARGEST_VALUE) * i as f64 / 9.0)
+}
+
+#[test]
+fn recombination_is_the_same_samples_weighted_by_the_feather() {
+    // Without roulette, whose survival differs with the value, the samples are the same.
+    for base in [PATH, BDPT] {
+        let integrator = Integrator { max_depth: 3, ..base };
+        let mut scene = scene();
+        let layout = layout(&mut scene, 3);
+        let mut basis = TransportBasis::new(layout.clone(), 1);
+        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 5 };
+        basis.render(source, 4, &()).unwrap();
+        let seed = lightopt_embree::math::hash::hash_words(&[5, 0]);
+        let mut random = Random::new(&[41]);
+        for value in values() {
+            let x = random_lighting(&scene, &mut random, value);
+            let found = &recombined(&basis, &x)[0];
+            let expected = feathered(&mut scene, &integrator, &layout, &x, seed, 4);
+            let scale = expected.iter().fold(0.0_f64, |m, v| m.max(*v));
+            let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            println!("{:?} v {value:.2}: worst {:.1e} of {scale:.2}", integrator.kind, worst / scale);
+            assert!(worst < 2e-5 * scale, "{:?} {value}", integrator.kind);
+        }
+    }
+}
+
+#[test]
+fn recombination_equals_feathered_renders_at_random_lightings() {
+    for integrator in [PATH, BDPT] {
+        let mut scene = scene();
+        let layout = layout(&mut scene, integrator.max_depth);
+        let (n, spp) = (16, 16);
+        let mut basis = TransportBasis::new(layout.clone(), n);
+        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 6 };
+        basis.render(source, spp, &()).unwrap();
+        let mut random = Random::new(&[42]);
+        let lightings: Vec<LightingPoint> =
+            values().iter().flat_map(|&v| [v; 2]).map(|v| random_lighting(&scene, &mut random, v)).collect();
+        let threshold = sidak_z(0.01, lightings.len() * (layout.n_pixels() + 1));
+        for (k, x) in lightings.iter().enumerate() {
+            let direct: Vec<Vec<f64>> = (0..n)
+                .map(|i| feathered(&mut scene, &integrator, &layout, x, (1000 * k + i) as u64, spp / 2))
+                .collect();
+            let (worst, total) = compare(&recombined(&basis, x), &direct);
+            println!("{:?} v {:.2}: worst z {worst:.2}, picture z {total:.2}", integrator.kind, x.value);
+            assert!(worst < threshold && total.abs() < threshold, "{:?} {x:?}", integrator.kind);
+        }
+    }
+}
+
+/// Worst deviate of a pixel and that of the picture, Student-corrected.
+fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
+    let moments = |images: &[Vec<f64>], f: &dyn Fn(&Vec<f64>) -> f64| {
+        let mut m = Moments::default();
+        images.iter().for_each(|i| m.push(f(i)));
+        m
+    };
+    let variance =
+        |p: usize| moments(a, &|i| i[p]).variance_of_mean() + moments(b, &|i| i[p]).variance_of_mean();
+    let mut all: Vec<f64> = (0..a[0].len()).map(variance).collect();
+    all.sort_by(f64::total_cmp);
+    let floor = all[all.len() / 2];
+    let deviate = |f: &dyn Fn(&Vec<f64>) -> f64, floor: f64| {
+        let (ma, mb) = (moments(a, f), moments(b, f));
+        let v = (ma.variance_of_mean() + mb.variance_of_mean()).max(floor);
+        normal_deviate((ma.mean() - mb.mean()) / v.sqrt(), (a.len() + b.len() - 2) as f64)
+    };
+    let worst = (0..a[0].len()).map(|p| deviate(&|i| i[p], floor).abs()).fold(0.0, f64::max);
+    (worst, deviate(&|i| i.iter().sum(), 0.0))
+}
+
+#[test]
+fn derivatives_are_those_of_the_recombination() {
+    let mut scene = scene();
+    let layout = layout(&mut scene, BDPT.max_depth);
+    let mut basis = TransportBasis::new(layout, 2);
+    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 7 };
+    basis.render(source, 2, &()).unwrap();
+    let mut random = Random::new(&[43]);
+    let n = basis.layout().n_pixels();
+    let adjoints: Vec<Vec<f64>> =
+        (0..2).map(|_| (0..n).map(|_| f64::from(random.range(-1.0, 1.0))).collect()).collect();
+    let value = |x: &LightingPoint| -> f64 {
+        let images = recombined(&basis, x);
+        images.iter().zip(&adjoints).flat_map(|(y, a)| y.iter().zip(a)).map(|(y, a)| y * a).sum()
+    };
+    for value_at in [0.0, 0.4, f64::from(LARGEST_VALUE)] {
+        let x = random_lighting(&scene, &mut random, value_at);
+        let g = basis.pull_back(&Recombination::new(basis.layout(), &x), &adjoints);
+        let scale = g.radiance.iter().map(|v| v.abs()).fold(0.0, f64::max);
+        let check = |what: &str, found: f64, at: &dyn Fn(f64) -> LightingPoint| {
+            let h = 1e-5;
+            let difference = (value(&at(h)) - value(&at(-h))) / (2.0 * h);
+            assert!(
+                (found - difference).abs() < 1e-6 * scale.max(found.abs()),
+                "{what}: {found} {difference}"
+            );
+        };
+        for l in 0..scene.lights.len() {
+            check("radiance", g.radiance[l], &|h| {
+                let mut x = x.clone();
+                x.radiance[l] += h;
+                x
+            });
+            check("size", g.size[l], &|h| {
+                let mut x = x.clone();
+                x.size[l] += h;
+                x
+            });
+        }
+        check("value", g.value, &|h| LightingPoint { value: x.value + h, ..x.clone() });
+    }
+}
+
+#[test]
+fn a_furnace_has_the_powers_of_its_albedo_as_coefficients() {
+    let (albedo, max_depth) = (0.7, 6);
+    let mut scene = scenes::furnace(albedo);
+    scene.set_background(vec![0]);
+    scene.set_background_value(1.0, 1.0);
+    for base in [PATH, BDPT] {
+        let integrator = Integrator { max_depth, ..base };
+        let sizes = scene.lights.iter().map(|_| SizeBins::Fixed(1.0)).collect();
+        let layout = Layout::new(scene.camera.size(), sizes, ValueNodes::new(1.0, max_depth));
+        let mut basis = TransportBasis::new(layout, 24);
+        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 8 };
+        basis.render(source, 64, &()).unwrap();
+        let nodes = ValueNodes::new(1.0, max_depth);
+        let mut moments = vec![Moments::default(); max_depth];
+        for r in 0..24 {
+            let at_nodes: Vec<f64> = nodes
+                .values()
+                .iter()
+                .map(|&value| {
+                    let x = LightingPoint { radiance: vec![1.0; 6], size: vec![1.0; 6], value };
+                    let image = &recombined(&basis, &x)[r];
+                    image.iter().sum::<f64>() / image.len() as f64
+                })
+                .collect();
+            for (m, c) in moments.iter_mut().zip(nodes.coefficients(&at_nodes)) {
+                m.push(c);
+            }
+        }
+        for (k, m) in moments.iter().enumerate() {
+            let expected = f64::from(albedo).powi(k as i32);
+            let z = (m.mean() - expected) / m.variance_of_mean().sqrt().max(1e-6);
+            println!("{:?} C_{k} = {:.5} expected {expected:.5} z {z:.2}", integrator.kind, m.mean());
+            assert!(z.abs() < sidak_z(0.01, 2 * max_depth));
+        }
+    }
+}
+
+#[test]
+fn no_radiance_is_exactly_black_and_the_threads_do_not_matter() {
+    let mut scene = scene();
+    let layout = layout(&mut scene, BDPT.max_depth);
+    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 9 };
+    let render = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut basis = TransportBasis::new(layout.clone(), 2);
+        pool.install(|| basis.render(source, 2, &()).unwrap());
+        basis
+    };
+    let (one, three) = (render(1), render(3));
+    let mut x = random_lighting(&scene, &mut Random::new(&[44]), 0.7);
+    assert_eq!(recombined(&one, &x), recombined(&three, &x));
+    assert_eq!(one.picture(&x).rgb, three.picture(&x).rgb);
+    x.radiance.fill(0.0);
+    assert!(recombined(&one, &x).iter().flatten().all(|&v| v == 0.0));
+}
