@@ -73,13 +73,14 @@ impl Reader {
         let texture = self.image(m, MapKind::Kd, Encoding::Srgb)?;
         let default = if texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
         // Blender's images stand for the numbers. Its old exporter writes these too: what
-        // the shader has below the image.
+        // the shader has below the image. Others write black there.
         let is_blender = m.origin != Origin::Other;
-        let kd = m.kd.filter(|_| !(is_blender && texture.is_some())).unwrap_or([default; 3]);
+        let is_replaced = |kd: [f32; 3]| texture.is_some() && (is_blender || kd == [0.0; 3]);
+        let kd = m.kd.filter(|&kd| !is_replaced(kd)).unwrap_or([default; 3]);
         let base_color = self.clamped(m, "Kd", kd);
         let emission_texture = self.image(m, MapKind::Ke, Encoding::Srgb)?;
         let default = if emission_texture.is_some() { 1.0 } else { 0.0 };
-        let ke = m.ke.filter(|&ke| !(is_blender && ke == [0.0; 3])).unwrap_or([default; 3]);
+        let ke = m.ke.filter(|&ke| ke != [0.0; 3]).unwrap_or([default; 3]);
         let emission = Rgb::from_array(ke).max(Rgb::ZERO);
         let ior = m.ni.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
         let common = MaterialParams {

@@ -472,6 +472,18 @@ fn files_of_blender_mean_the_parameters_of_its_shader() {
     let p = of(OLD, &body.replace("250", "225"));
     assert!((p.roughness - 0.5).abs() < 1e-6);
     // Roughness 0.2, metallic 1; then 0.3.
+/// As 3ds Max and others write what an image covers.
+#[test]
+fn an_image_below_which_the_number_is_black_counts_alone() {
+    let images = [("g.png", flat([128, 128, 128, 255]))];
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ONE, Vec3::ONE));
+    let (p, _) = textured("newmtl m\nKd 0.5 0 0\nKe 2 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::X * 0.5, Vec3::X * 2.0));
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ZERO, Vec3::ZERO));
+}
+
     let metal =
         |ka: f32| format!("Ns 640\nKa {ka} {ka} {ka}\nKd 0.9 0.6 0.3\nKs 0.5 0.5 0.5\nd 1\nillum 3\n");
     let p = of(NEW, &metal(1.0));
