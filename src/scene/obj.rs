@@ -45,7 +45,7 @@ use glam::{Vec2, Vec3};
 use super::{
     builder::SceneError,
     imported::Imported,
-    mesh::{Mesh, face_normal, smooth_normals},
+    mesh::{Mesh, is_proper, smooth_normals},
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
     wavefront::{self, Part, PlainObj},
@@ -102,7 +102,7 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
         materials.push((NO_NAME.into(), grey()));
     }
     if raw.indices.is_empty() {
-        return Err(SceneError::NoTriangles { path: path.to_path_buf() });
+        return Err(SceneError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
     }
     let mesh = with_normals(&raw, &plain.parts, crease);
     Ok(Imported { mesh, parts: plain.parts, materials, warnings, ..Imported::default() })
@@ -169,8 +169,7 @@ fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
     for t in m.indices.chunks_exact(3) {
         let t = [t[0], t[1], t[2]].map(|i| base + i);
         let corners = t.map(|i| mesh.positions[i as usize]);
-        let n = face_normal(corners);
-        if corners.iter().all(|c| c.is_finite()) && n.is_finite() && n.length_squared() > 0.0 {
+        if is_proper(corners) {
             mesh.indices.push(t);
         }
     }

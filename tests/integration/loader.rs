@@ -177,7 +177,65 @@ fn degenerate_triangles_are_left_out_and_counted() {
     assert_eq!(s.mesh.positions.len(), 3);
     assert!(s.warnings[0].ends_with("room.obj: left out 5 degenerate triangles"), "{:?}", s.warnings);
     let e = load(&format!("{SQUARE}f 1 1 2\n"), MTL).unwrap_err();
-    assert!(e.to_string().ends_with("room.obj: no triangle in this file"), "{e}");
+    assert!(e.to_string().ends_with("no triangle in this file but for 1 that are degenerate"), "{e}");
+}
+
+/// The room scaled by `scale`, with its camera and lights.
+fn scaled(scale: f32) -> [String; 2] {
+    let numbers = |list: &str, separator: &str| {
+        let scaled = list.split(separator).map(|n| (n.trim().parse::<f32>().unwrap() * scale).to_string());
+        scaled.collect::<Vec<_>>().join(separator)
+    };
+    let obj = OBJ.lines().map(|l| match l.strip_prefix("v ") {
+        Some(p) => format!("v {}\n", numbers(p, " ")),
+        None => format!("{l}\n"),
+    });
+    let toml = TOML.lines().map(|l| match l.split_once(" = ") {
+        Some((key, list)) if ["position", "look_at", "half_extents"].contains(&key) => {
+            format!("{key} = [{}]\n", numbers(list.trim_matches(['[', ']']), ", "))
+        }
+        Some(("radius", r)) => format!("radius = {:e}\n", r.parse::<f32>().unwrap() * scale),
+        _ => format!("{l}\n"),
+    });
+    [obj.collect(), toml.collect()]
+}
+
+#[test]
+fn scenes_of_any_scale_render_or_say_why_not() {
+    for scale in [1e-4, 1e4, 1e10] {
+        let [obj, toml] = scaled(scale);
+        let room = Room::with(&obj, MTL, &toml);
+        for integrator in ["--bdpt", "--path"] {
+            room.succeed(&["render", "room.obj", integrator, "--spp", "8", "-o", "a.exr"]);
+            let output = room.succeed(&["evaluate", "--target", "high-key", "--json", "a.exr"]);
+            let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert!(report["f_q"].is_f64(), "{scale} {integrator}");
+        }
+    }
+    for (scale, wanted) in [
+        (1e-30, "room.obj: no triangle in this file but for 14 that are degenerate"),
+        (1e19, "room.obj: no triangle in this file but for 14 that are degenerate"),
+    ] {
+        let [obj, _] = scaled(scale);
+        let error = Room::with(&obj, MTL, TOML).fail_at_once(&["render", "room.obj", "-o", "a.png"]);
+        assert!(error.contains(wanted), "{scale}: {error}");
+    }
+}
+
+#[test]
+fn a_stray_triangle_does_not_spoil_a_picture() {
+    for far in ["1e10", "1e17", "2e18", "1e19", "1e25", "1e30", "1e39", "nan", "-inf"] {
+        let back = far.trim_start_matches('-');
+        let obj = format!("{OBJ}o stray\nv {far} 0 0\nv 0 {far} 0\nv 0 0 -{back}\nf -3 -2 -1\n");
+        let toml = format!("{TOML}[[lights]]\nname = \"sky\"\ntype = \"environment\"\n");
+        let room = Room::with(&obj, MTL, &toml);
+        let output = room.succeed(&["render", "room.obj", "--spp", "8", "-o", "a.exr"]);
+        let is_left_out = String::from_utf8_lossy(&output.stderr).contains("left out 1 degenerate triangle");
+        assert_eq!(is_left_out, !["1e10", "1e17"].contains(&far), "{far}");
+        let output = room.succeed(&["evaluate", "--target", "high-key", "--json", "a.exr"]);
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(report["f_q"].is_f64(), "{far}");
+    }
 }
 
 #[test]
@@ -414,6 +472,18 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
     assert_eq!(t.transform_point2(Vec2::ONE), Vec2::new(2.25, 4.0));
 }
 
+/// As 3ds Max and others write what an image covers.
+#[test]
+fn an_image_below_which_the_number_is_black_counts_alone() {
+    let images = [("g.png", flat([128, 128, 128, 255]))];
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ONE, Vec3::ONE));
+    let (p, _) = textured("newmtl m\nKd 0.5 0 0\nKe 2 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::X * 0.5, Vec3::X * 2.0));
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ZERO, Vec3::ZERO));
+}
+
 #[test]
 fn opacity_is_the_alpha_that_varies_or_else_the_red() {
     let mut leaf = image::RgbaImage::from_pixel(2, 2, image::Rgba([40, 200, 10, 255]));
@@ -472,18 +542,6 @@ fn files_of_blender_mean_the_parameters_of_its_shader() {
     let p = of(OLD, &body.replace("250", "225"));
     assert!((p.roughness - 0.5).abs() < 1e-6);
     // Roughness 0.2, metallic 1; then 0.3.
-/// As 3ds Max and others write what an image covers.
-#[test]
-fn an_image_below_which_the_number_is_black_counts_alone() {
-    let images = [("g.png", flat([128, 128, 128, 255]))];
-    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
-    assert_eq!((p.base_color, p.emission), (Vec3::ONE, Vec3::ONE));
-    let (p, _) = textured("newmtl m\nKd 0.5 0 0\nKe 2 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
-    assert_eq!((p.base_color, p.emission), (Vec3::X * 0.5, Vec3::X * 2.0));
-    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\n", &images);
-    assert_eq!((p.base_color, p.emission), (Vec3::ZERO, Vec3::ZERO));
-}
-
     let metal =
         |ka: f32| format!("Ns 640\nKa {ka} {ka} {ka}\nKd 0.9 0.6 0.3\nKs 0.5 0.5 0.5\nd 1\nillum 3\n");
     let p = of(NEW, &metal(1.0));
