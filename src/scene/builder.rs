@@ -90,6 +90,8 @@ pub struct LightBounds {
     pub radiance_free: bool,
     /// Whether the size may vary.
     pub size_free: bool,
+    /// Whether the scene file has the light, and the sidecar does not name it.
+    pub is_from_file: bool,
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it, which a glTF with a

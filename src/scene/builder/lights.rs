@@ -77,7 +77,7 @@ impl Builder<'_> {
             } else {
                 names.insert(l.name.clone());
                 lights.push(punctual(l));
-                bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+                bounds.push(LightBounds { radiance_free, is_from_file: true, ..LightBounds::default() });
             }
         }
         for l in &sidecar.lights {
@@ -102,7 +102,7 @@ impl Builder<'_> {
                 camera_visible: true,
                 occludes: false,
             });
-            bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+            bounds.push(LightBounds { radiance_free, is_from_file: true, ..LightBounds::default() });
         }
         Ok((lights, bounds))
     }
@@ -144,6 +144,7 @@ impl Builder<'_> {
             radiance_max: l.radiance_max,
             radiance_free: free(Radiance),
             size_free: free(Size) && has_size(l) && !l.occludes,
+            is_from_file: false,
         })
     }
 
