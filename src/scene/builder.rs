@@ -154,7 +154,7 @@ impl Builder<'_> {
             let message = format!("must be at most {MAX_COORDINATE:e} in magnitude, got {value:?}");
             return Err(self.error(key, message));
         }
-        Err(self.error(key, format!("must be finite, got {value:?}")))
+        Ok(())
     }
 
     fn build(&self, sidecar: &Sidecar) -> Result<Scene, SceneError> {
