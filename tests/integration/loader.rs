@@ -461,7 +461,7 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
     let p = of("Ke 3 2 1\n");
     assert!(p.emission == Vec3::new(3.0, 2.0, 1.0) && p.emission_texture.is_none() && !p.emission_two_sided);
     assert!(
-        of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ZERO
+        of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ONE
     );
     assert_eq!((of("d 0.3\n").opacity, of("Tr 0.75\n").opacity), (0.3, 0.25));
     assert_eq!((of("Tr 0.5\nd 1\n").opacity, of("d -1\n").opacity), (1.0, 1.0));
