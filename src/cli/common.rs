@@ -106,7 +106,10 @@ pub fn load_scene(path: &Path, exposure: Option<f64>, say: impl Fn(&str)) -> any
     }
     if scene.lights.is_empty() {
         let sidecar = scene::builder::find(path)?.with_extension("toml");
-        bail!("{}: `lights`: the scene has no lights; add [[lights]]", sidecar.display());
+        bail!(
+            "{}: `lights`: the scene has no lights; add [[lights]], or a material with `emission`",
+            sidecar.display()
+        );
     }
     Ok(scene)
 }

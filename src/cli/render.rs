@@ -68,7 +68,7 @@ pub struct RenderArgs {
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let output = match &args.output {
         Some(path) => path.clone(),
-        None => PathBuf::from(args.scene.file_stem().unwrap_or_default()).with_extension("exr"),
+        None => PathBuf::from(args.scene.file_stem().unwrap_or("scene".as_ref())).with_extension("exr"),
     };
     let extension = output.extension().map(|e| e.to_string_lossy().to_lowercase());
     let is_png = match extension.as_deref() {

@@ -272,6 +272,9 @@ pub fn isa() -> &'static str {
     unsafe { CStr::from_ptr(sys::lo_isa()) }.to_str().unwrap_or("unknown")
 }
 
+/// Largest magnitude of a coordinate.
+pub const MAX_COORDINATE: f32 = sys::LO_MAX_COORDINATE;
+
 fn validate(mesh_id: usize, mesh: &TriangleMesh) -> Result<(), EmbreeError> {
     check_count("triangles in a mesh", mesh.indices.len())?;
     let n_vertices = mesh.positions.len();
@@ -281,7 +284,7 @@ fn validate(mesh_id: usize, mesh: &TriangleMesh) -> Result<(), EmbreeError> {
                 return Err(EmbreeError::IndexOutOfRange { mesh: mesh_id, triangle, index, n_vertices });
             };
             // Written so that NaN fails.
-            let limit = Vec3::splat(sys::LO_MAX_COORDINATE);
+            let limit = Vec3::splat(MAX_COORDINATE);
             if !position.abs().cmple(limit).all() {
                 return Err(EmbreeError::BadPosition { mesh: mesh_id, triangle, index, position });
             }

@@ -42,7 +42,7 @@ pub const MAX_VALUE: f32 = 4.0;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SurveyError {
-    #[error("the scene has no lights; add [[lights]] to its sidecar")]
+    #[error("the scene has no lights; add [[lights]] to its sidecar, or a material that emits")]
     NoLights,
     #[error("nothing is free: allow radiance, size or background with --free, or `free` in the sidecar")]
     NothingFree,
@@ -163,7 +163,7 @@ impl Alike {
 /// * `sizes`, from [`fit_sizes`]
 ///
 /// # Errors
-/// When a light reaches no pixel, or nothing is free.
+/// When a light of the sidecar, or every light, reaches no pixel, or nothing is free.
 pub fn variables(
     scene: &Scene,
     unit: &Picture,
@@ -173,12 +173,17 @@ pub fn variables(
 ) -> Result<ParamVector, SurveyError> {
     let e = f64::from(scene.exposure);
     let Alike { images, means, gain } = Alike::new(scene, unit, mode);
-    if let Some(i) = means.iter().position(|&m| m <= 0.0) {
+    // One that the scene file happens to have is left as it is, unless there is no other.
+    let is_needed = |i: usize| !scene.light_bounds[i].is_from_file || means.iter().all(|&m| m <= 0.0);
+    if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
         return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
     }
     let mut variables = Vec::new();
     for (i, light) in scene.lights.iter().enumerate() {
         let limits = &scene.light_bounds[i];
+        if means[i] <= 0.0 {
+            continue;
+        }
         if free.contains(FreeKind::Radiance) && limits.radiance_free {
             let found = HEADROOM * gain_for(images[i].iter().copied(), |y| y, BRIGHT, e, mode);
             let upper = limits.radiance_max.map_or(found, f64::from);
@@ -238,10 +243,9 @@ pub fn starts(
     let e = f64::from(scene.exposure);
     let Alike { images, means, .. } = Alike::new(scene, unit, mode);
     let mut out = vec![("all lights alike".to_owned(), variables.start())];
-    let n = images.len();
-    let alone = (0..n).map(|l| (format!("`{}` alone", scene.lights[l].name), vec![l]));
-    for (name, lit) in
-        std::iter::once(("all lights alike, matched".to_owned(), (0..n).collect())).chain(alone)
+    let lights: Vec<usize> = (0..images.len()).filter(|&l| means[l] > 0.0).collect();
+    let alone = lights.iter().map(|&l| (format!("`{}` alone", scene.lights[l].name), vec![l]));
+    for (name, lit) in std::iter::once(("all lights alike, matched".to_owned(), lights.clone())).chain(alone)
     {
         let total: Vec<f64> =
             (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();

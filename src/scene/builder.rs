@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
-    embree::EmbreeError,
+    embree::{EmbreeError, MAX_COORDINATE},
     files::{nearest, toml_file::TomlError},
     math::Rgb,
 };
@@ -54,8 +54,11 @@ pub enum SceneError {
     Line { path: PathBuf, line: usize, message: String },
     #[error("{path}: {message}", path = path.display())]
     Gltf { path: PathBuf, message: String },
-    #[error("{path}: no triangle in this file", path = path.display())]
-    NoTriangles { path: PathBuf },
+    #[error(
+        "{path}: no triangle in this file{degenerate}", path = path.display(),
+        degenerate = match n_degenerate { 0 => String::new(), n => format!(" but for {n} that are degenerate") }
+    )]
+    NoTriangles { path: PathBuf, n_degenerate: usize },
     #[error("{path}: `{key}`: {message}", path = path.display())]
     Key { path: PathBuf, key: String, message: String },
     #[error(transparent)]
@@ -87,6 +90,8 @@ pub struct LightBounds {
     pub radiance_free: bool,
     /// Whether the size may vary.
     pub size_free: bool,
+    /// Whether the scene file has the light, and the sidecar does not name it.
+    pub is_from_file: bool,
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it, which a glTF with a
@@ -142,10 +147,14 @@ impl Builder<'_> {
     }
 
     fn finite(&self, key: &str, value: [f32; 3]) -> Result<(), SceneError> {
-        if value.iter().all(|v| v.is_finite()) {
-            return Ok(());
+        if !value.iter().all(|v| v.is_finite()) {
+            return Err(self.error(key, format!("must be finite, got {value:?}")));
         }
-        Err(self.error(key, format!("must be finite, got {value:?}")))
+        if value.iter().any(|v| v.abs() > MAX_COORDINATE) {
+            let message = format!("must be at most {MAX_COORDINATE:e} in magnitude, got {value:?}");
+            return Err(self.error(key, message));
+        }
+        Ok(())
     }
 
     fn build(&self, sidecar: &Sidecar) -> Result<Scene, SceneError> {

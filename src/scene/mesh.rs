@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
 
-use crate::light::Surroundings;
+use crate::{embree::MAX_COORDINATE, light::Surroundings};
 
 /// An indexed triangle mesh with per-triangle material and object.
 #[derive(Clone, Debug, Default)]
@@ -49,6 +49,15 @@ impl Mesh {
 #[must_use]
 pub fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
+}
+
+/// Whether a triangle has an area that can be computed with, and a place that rays reach.
+#[must_use]
+pub fn is_proper(corners: [Vec3; 3]) -> bool {
+    let n = face_normal(corners);
+    corners.iter().all(|c| c.abs().cmple(Vec3::splat(MAX_COORDINATE)).all())
+        && n.is_finite()
+        && n.length_squared() > 0.0
 }
 
 /// Corner normals of triangles that came without: the angle-weighted mean of

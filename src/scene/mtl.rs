@@ -44,7 +44,7 @@ pub enum MapKind {
     Pr,
     /// `map_Pm`.
     Pm,
-    /// `map_refl`.
+    /// `map_refl`; in Blender's files also `refl`.
     Refl,
     /// `map_d`.
     D,
@@ -145,7 +145,7 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
                     warn(format!("`{keyword}` is ignored"));
                 }
             }
-            _ => match map_kind(&key) {
+            _ => match map_kind(&key, origin) {
                 Some(kind) => {
                     let map = map(keyword, rest, &mut warn);
                     if map.file.is_empty() {
@@ -196,7 +196,7 @@ fn finite(values: &[f32]) -> Result<(), String> {
 }
 
 /// The meaning of a key in lower case.
-fn map_kind(key: &str) -> Option<MapKind> {
+fn map_kind(key: &str, origin: Origin) -> Option<MapKind> {
     Some(match key {
         "map_kd" => MapKind::Kd,
         "map_ks" => MapKind::Ks,
@@ -205,6 +205,8 @@ fn map_kind(key: &str) -> Option<MapKind> {
         "map_pr" => MapKind::Pr,
         "map_pm" => MapKind::Pm,
         "map_refl" => MapKind::Refl,
+        // Elsewhere it is a picture of what is reflected.
+        "refl" if origin != Origin::Other => MapKind::Refl,
         "map_d" => MapKind::D,
         "map_bump" | "bump" => MapKind::Bump,
         "norm" | "map_norm" | "map_kn" => MapKind::Norm,
@@ -228,7 +230,7 @@ fn map(keyword: &str, rest: &str, warn: &mut impl FnMut(String)) -> MapSpec {
             "-s" | "-o" | "-t" => (1, 3),
             "-mm" => (2, 2),
             "-blendu" | "-blendv" | "-cc" | "-clamp" | "-texres" | "-bm" | "-boost" | "-imfchan"
-            | "-type" => (1, 1),
+            | "-type" | "-colorspace" => (1, 1),
             _ => break,
         };
         file = file[option.len()..].trim_start();

@@ -72,10 +72,16 @@ impl Reader {
     fn params(&mut self, m: &MtlMaterial) -> Result<MaterialParams, SceneError> {
         let texture = self.image(m, MapKind::Kd, Encoding::Srgb)?;
         let default = if texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
-        let base_color = self.clamped(m, "Kd", m.kd.unwrap_or([default; 3]));
+        // Blender's images stand for the numbers. Its old exporter writes these too: what
+        // the shader has below the image. Others write black there.
+        let is_blender = m.origin != Origin::Other;
+        let is_replaced = |kd: [f32; 3]| texture.is_some() && (is_blender || kd == [0.0; 3]);
+        let kd = m.kd.filter(|&kd| !is_replaced(kd)).unwrap_or([default; 3]);
+        let base_color = self.clamped(m, "Kd", kd);
         let emission_texture = self.image(m, MapKind::Ke, Encoding::Srgb)?;
         let default = if emission_texture.is_some() { 1.0 } else { 0.0 };
-        let emission = Rgb::from_array(m.ke.unwrap_or([default; 3])).max(Rgb::ZERO);
+        let ke = m.ke.filter(|&ke| ke != [0.0; 3]).unwrap_or([default; 3]);
+        let emission = Rgb::from_array(ke).max(Rgb::ZERO);
         let ior = m.ni.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
         let common = MaterialParams {
             base_color,
@@ -84,7 +90,7 @@ impl Reader {
             emission,
             emission_texture,
             // As Blender's emission; elsewhere the front alone, as in other renderers.
-            emission_two_sided: m.origin != Origin::Other,
+            emission_two_sided: is_blender,
             relief: self.relief(m)?,
             ..MaterialParams::default()
         };
@@ -301,17 +307,24 @@ fn holds_normals(texture: &Texture) -> bool {
     is_even(r) && is_even(g) && b > 0.65 && b - r.max(g) > 0.15
 }
 
+/// Folders that images are also sought in: where archives of models put them.
+const IMAGE_FOLDERS: [&str; 2] = ["textures", "../textures"];
+
 /// Finds an image as exporters name it: relative to the MTL, absolute, in quotes,
-/// or as it was on another machine, of which the last part is sought beside the MTL,
-/// if need be in other letter case.
+/// or as it was on another machine, of which the last parts are sought beside the
+/// MTL and in [`IMAGE_FOLDERS`], if need be in other letter case.
 fn find(directory: &Path, file: &str) -> Option<PathBuf> {
     let file = file.trim_matches('"').replace('\\', "/");
-    let name = file.rsplit('/').next().unwrap_or(&file);
-    let found = [directory.join(&file), directory.join(name)].into_iter().find(|p| p.is_file());
+    let parts: Vec<&str> = file.split('/').filter(|p| !p.is_empty()).collect();
+    let name = *parts.last()?;
+    let ends = (0..parts.len()).map(|i| directory.join(parts[i..].join("/")));
+    let in_folders = || IMAGE_FOLDERS.iter().map(|f| directory.join(f));
+    let given = directory.join(&file);
+    let candidates = std::iter::once(given.clone()).chain(ends).chain(in_folders().map(|f| f.join(name)));
+    let found = candidates.into_iter().find(|p| p.is_file());
     found.or_else(|| {
-        let given = directory.join(&file);
-        let beside = [given.parent().map(Path::to_path_buf), Some(directory.to_path_buf())];
-        beside.into_iter().flatten().find_map(|d| {
+        let beside = given.parent().map(Path::to_path_buf).into_iter().chain([directory.to_path_buf()]);
+        beside.chain(in_folders()).find_map(|d| {
             let entries = fs::read_dir(d).ok()?.flatten().map(|e| e.path());
             let is_same = |p: &PathBuf| {
                 p.file_name().is_some_and(|n| n.to_string_lossy().eq_ignore_ascii_case(name)) && p.is_file()

@@ -4,7 +4,7 @@
 //!
 //! | MTL | meaning |
 //! | --- | --- |
-//! | `Kd`, `map_Kd` | base colour: linear Rec.709, times the sRGB-decoded image |
+//! | `Kd`, `map_Kd` | base colour: linear Rec.709, times the sRGB-decoded image; the image alone if `Kd` is black |
 //! | `Pm` 1 | `conductor` with the base colour as reflectance at normal incidence |
 //! | `Pm` below 1, `map_Pm` | share of such a metal; the image replaces the number |
 //! | `illum` 4, 6, 7, 9 | `dielectric` (glass) of IOR `Ni`, unless half or more is metal |
@@ -14,7 +14,7 @@
 //! | `Pr`, `map_Pr` | roughness; the GGX slope is its square; the image replaces the number |
 //! | `Ns` | without `Pr`: slope `√(2/(Ns+2))` |
 //! | `d`, or 1 − `Tr`; `map_d` | opacity, times the image's alpha if that varies, otherwise its red; of glass: nothing |
-//! | `Ke`, `map_Ke` | radiance emitted by both sides, W·m⁻²·sr⁻¹ |
+//! | `Ke`, `map_Ke` | radiance emitted by the front side, in Blender's files by both, W·m⁻²·sr⁻¹; the image alone if `Ke` is black |
 //! | `norm` | normal map, `-bm` multiplies its slopes |
 //! | `map_Bump`, `bump` | the same if the image looks like one; otherwise heights: white is `-bm` hundredths of the image's width above black |
 //! | `-s`, `-o`, `-imfchan` | of any map: texture coordinates `s·uv + o`, and the channel of a number |
@@ -34,7 +34,8 @@
 //! | --- | --- |
 //! | `Ks`, `map_Ks` | specular level: the coat has twice this strength, 1 at most |
 //! | `Pr` or `Ns`, `map_Pr` or `map_Ns` | roughness, `1 − √(Ns/1000)`; with 900 where the first line names no version |
-//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm` or `map_refl` | share of metal |
+//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm`, `map_refl` or `refl` | share of metal |
+//! | `map_Kd` | base colour, whatever `Kd` |
 //! | `Tf` ≥ 0.5 | `dielectric`; `illum` 6 and 9 are no glass but say that `d` < 1 |
 
 use std::{collections::HashMap, fs, path::Path};
@@ -44,7 +45,7 @@ use glam::{Vec2, Vec3};
 use super::{
     builder::SceneError,
     imported::Imported,
-    mesh::{Mesh, face_normal, smooth_normals},
+    mesh::{Mesh, is_proper, smooth_normals},
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
     wavefront::{self, Part, PlainObj},
@@ -66,6 +67,10 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
     let mut warnings = Vec::new();
     for (line, keyword) in &plain.unsupported {
         warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
+    }
+    for (line, what) in &plain.absent {
+        let file = path.display();
+        warnings.push(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
     }
     let library = material_library(path, &plain, &mut warnings)?;
     let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
@@ -97,7 +102,7 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
         materials.push((NO_NAME.into(), grey()));
     }
     if raw.indices.is_empty() {
-        return Err(SceneError::NoTriangles { path: path.to_path_buf() });
+        return Err(SceneError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
     }
     let mesh = with_normals(&raw, &plain.parts, crease);
     Ok(Imported { mesh, parts: plain.parts, materials, warnings, ..Imported::default() })
@@ -115,12 +120,11 @@ fn material_library(
     for (line, names) in &plain.libraries {
         // One name with spaces, or several names.
         let whole = names.trim_matches('"').replace('\\', "/");
-        let files = if dir.join(&whole).is_file() {
-            vec![whole]
-        } else {
-            whole.split_whitespace().map(str::to_owned).collect()
-        };
-        for file in files.iter().map(|f| dir.join(f)) {
+        let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
+        let is_several = words.iter().any(|w| dir.join(w).is_file()) && !dir.join(&whole).is_file();
+        let files = if is_several { words } else { vec![whole] };
+        let files = files.iter().filter(|f| !f.is_empty());
+        for file in files.map(|f| dir.join(f)) {
             let bytes = match fs::read(&file) {
                 Ok(bytes) => bytes,
                 Err(e) => {
@@ -165,8 +169,7 @@ fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
     for t in m.indices.chunks_exact(3) {
         let t = [t[0], t[1], t[2]].map(|i| base + i);
         let corners = t.map(|i| mesh.positions[i as usize]);
-        let n = face_normal(corners);
-        if corners.iter().all(|c| c.is_finite()) && n.is_finite() && n.length_squared() > 0.0 {
+        if is_proper(corners) {
             mesh.indices.push(t);
         }
     }

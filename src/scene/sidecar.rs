@@ -48,8 +48,9 @@
 //!                                   # its size is then not free
 //! free = ["radiance", "size"]       # default: all that the light has
 //!
-//! # A material that emits (`Ke`) is a light of its own, named after it, with a free
-//! # radiance; a light of type `mesh` replaces that one.
+//! # A material that emits (MTL `Ke`, glTF `emissiveFactor`, `emission` below) is a
+//! # light of its own, named after it, with a free radiance; a light of type `mesh`
+//! # replaces that one.
 //!
 //! [materials.table]                 # overrides of the file's material `table`
 //! model = "plastic"                 # diffuse | conductor | dielectric | plastic
@@ -217,9 +218,8 @@ pub struct LightSpec {
     pub position: Option<[f32; 3]>,
     /// A point on the emitting side.
     pub look_at: Option<[f32; 3]>,
-    /// Which way a rectangle's height runs.
-    #[serde(default = "up")]
-    pub up: [f32; 3],
+    /// Which way a rectangle's height runs; absent it is y.
+    pub up: Option<[f32; 3]>,
     /// Half-extents at size 1, metres.
     pub half_extents: Option<[f32; 2]>,
     /// Radius at size 1, metres.

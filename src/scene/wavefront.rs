@@ -58,6 +58,8 @@ pub struct PlainObj {
     pub n_short: usize,
     /// Kinds of geometry that are not supported, with their first line.
     pub unsupported: Vec<(usize, String)>,
+    /// What corners name although the file has none of it, with the first line.
+    pub absent: Vec<(usize, &'static str)>,
 }
 
 /// Splits into lines without comments, joining those that end in `\`;
@@ -152,9 +154,17 @@ fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
     let _ = out.write_fmt(arguments);
 }
 
-/// One corner `v/vt/vn` of a face as indices from 0.
-fn corner(word: &str, before: &Counts, total: &Counts) -> Result<[Option<usize>; 3], String> {
-    const WHAT: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+/// What the indices of a corner name.
+const WHAT: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// One corner `v/vt/vn` of a face as indices from 0. Texture coordinates and
+/// normals of which the file has none count as not given; `absent` hears of them.
+fn corner(
+    word: &str,
+    before: &Counts,
+    total: &Counts,
+    mut absent: impl FnMut(&'static str),
+) -> Result<[Option<usize>; 3], String> {
     let mut out = [None; 3];
     if word.split('/').count() > out.len() {
         return Err(format!("`{word}` has more than 3 indices"));
@@ -167,6 +177,10 @@ fn corner(word: &str, before: &Counts, total: &Counts) -> Result<[Option<usize>;
             continue;
         }
         let index: i64 = text.parse().map_err(|_| format!("`{word}` is not an index"))?;
+        if i > 0 && total[i] == 0 {
+            absent(WHAT[i]);
+            continue;
+        }
         let from_0 = match index {
             0 => return Err(format!("`{word}`: indices begin at 1")),
             1.. => usize::try_from(index - 1).ok(),
@@ -223,9 +237,15 @@ pub fn plain_obj(text: &str) -> Result<PlainObj, LineError> {
                 push(&mut out.text, format_args!("usemtl {name}\n"));
             }
             "f" | "fo" => {
+                let absent = &mut out.absent;
+                let mut note = |what| {
+                    if !absent.iter().any(|(_, known)| *known == what) {
+                        absent.push((line, what));
+                    }
+                };
                 let corners = without_comment(rest)
                     .split_whitespace()
-                    .map(|word| corner(word, &before, &total).map_err(fail))
+                    .map(|word| corner(word, &before, &total, &mut note).map_err(fail))
                     .collect::<Result<Vec<_>, _>>()?;
                 if corners.len() < 3 {
                     out.n_short += 1;

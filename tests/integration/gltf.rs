@@ -3,6 +3,7 @@
 use std::io::Cursor;
 
 use glam::{Vec2, Vec3};
+use lightopt_embree::film::image_file;
 use lightopt_embree::scene::{
     Scene, SceneError, builder, gltf,
     imported::{Imported, Punctual},
@@ -500,6 +501,41 @@ fn a_file_cut_anywhere_is_an_error() {
     room.write("s.glb", &whole[..whole.len() - 4]);
     let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
     assert!(error.contains("s.glb: is cut short: its header says"), "{error}");
+}
+
+#[test]
+fn degenerate_triangles_are_left_out_and_counted() {
+    let with_corner = |corner: [f32; 3]| {
+        let mut bytes = bin();
+        bytes[12..24].copy_from_slice(&corner.map(f32::to_le_bytes).concat());
+        let room = Room::new();
+        room.write("s.glb", glb(&square(), &bytes));
+        room
+    };
+    // The second corner, which is that of the first triangle alone.
+    for corner in
+        [[f32::NAN, 0., 0.], [0., f32::INFINITY, 0.], [1e30, 0., 0.], [1e19, -1., 0.], [-1., -1., 0.]]
+    {
+        let room = with_corner(corner);
+        let s = gltf::load(&room.path("s.glb")).unwrap();
+        assert_eq!(s.mesh.indices.len(), 1, "{corner:?}");
+        assert!(
+            s.warnings.iter().any(|w| w.ends_with("s.glb: left out 1 degenerate triangle")),
+            "{corner:?}"
+        );
+        room.succeed(&["render", "s.glb", "--size", "16x12", "--spp", "4", "-o", "a.exr"]);
+        let picture = image_file::read_image(&room.path("a.exr")).unwrap();
+        assert!(picture.rgb.iter().flatten().all(|v| v.is_finite()), "{corner:?}");
+    }
+    let mut bytes = bin();
+    for v in bytes[..48].chunks_exact_mut(4) {
+        let tiny = f32::from_le_bytes(v.try_into().unwrap()) * 1e-30;
+        v.copy_from_slice(&tiny.to_le_bytes());
+    }
+    let room = Room::new();
+    room.write("s.glb", glb(&square(), &bytes));
+    let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
+    assert!(error.ends_with("s.glb: no triangle in this file but for 2 that are degenerate"), "{error}");
 }
 
 #[test]

@@ -94,6 +94,16 @@ fn given_normals_are_kept_where_only_some_corners_have_them() {
 }
 
 #[test]
+fn indices_into_lists_that_the_file_does_not_have_are_left_out() {
+    let plain = load_ok(&format!("{SQUARE}f 1 2 3 4\n"));
+    let s = load_ok(&format!("{SQUARE}f 1/1/1 2/2/1 3/3/1 4/-4/-1\n"));
+    assert_eq!((&s.mesh.indices, &s.mesh.normals), (&plain.mesh.indices, &plain.mesh.normals));
+    let of = |what| format!("room.obj:5: faces name {what}, of which the file has none: left out");
+    assert_eq!(s.warnings.len(), 2, "{:?}", s.warnings);
+    assert!(s.warnings[0].ends_with(&of("texture coordinates")) && s.warnings[1].ends_with(&of("normals")));
+}
+
+#[test]
 fn objects_groups_and_materials_are_respected() {
     let s = load_ok(&format!(
         "mtllib room.mtl\n{SQUARE}f 1 2 3\no fruit\nusemtl red\ng apple left\nf 1 2 3\nusemtl floor\nf 1 3 4\n\
@@ -124,6 +134,9 @@ fn a_missing_library_is_a_warning_and_its_materials_are_grey_but_named() {
     assert_eq!(s.warnings.len(), 1);
     assert!(s.warnings[0].contains("room.obj:1: material library"), "{:?}", s.warnings);
     assert!(s.warnings[0].contains("other.mtl") && s.warnings[0].contains("using grey"));
+    // A name with spaces is one name unless some of its words are files.
+    let n_warnings = |library: &str| load_ok(&OBJ.replace("room.mtl", library)).warnings.len();
+    assert_eq!(["no such file.mtl", "room.mtl no.mtl", "no.mtl room.mtl", ""].map(n_warnings), [1, 1, 1, 3]);
     let names: Vec<&str> = s.materials.iter().map(|(n, _)| n.as_str()).collect();
     assert_eq!(names, ["floor", "wall", "red"]);
     assert!(s.materials.iter().all(|(_, p)| p.model == Model::Diffuse && p.base_color.x == 0.8));
@@ -164,7 +177,65 @@ fn degenerate_triangles_are_left_out_and_counted() {
     assert_eq!(s.mesh.positions.len(), 3);
     assert!(s.warnings[0].ends_with("room.obj: left out 5 degenerate triangles"), "{:?}", s.warnings);
     let e = load(&format!("{SQUARE}f 1 1 2\n"), MTL).unwrap_err();
-    assert!(e.to_string().ends_with("room.obj: no triangle in this file"), "{e}");
+    assert!(e.to_string().ends_with("no triangle in this file but for 1 that are degenerate"), "{e}");
+}
+
+/// The room scaled by `scale`, with its camera and lights.
+fn scaled(scale: f32) -> [String; 2] {
+    let numbers = |list: &str, separator: &str| {
+        let scaled = list.split(separator).map(|n| (n.trim().parse::<f32>().unwrap() * scale).to_string());
+        scaled.collect::<Vec<_>>().join(separator)
+    };
+    let obj = OBJ.lines().map(|l| match l.strip_prefix("v ") {
+        Some(p) => format!("v {}\n", numbers(p, " ")),
+        None => format!("{l}\n"),
+    });
+    let toml = TOML.lines().map(|l| match l.split_once(" = ") {
+        Some((key, list)) if ["position", "look_at", "half_extents"].contains(&key) => {
+            format!("{key} = [{}]\n", numbers(list.trim_matches(['[', ']']), ", "))
+        }
+        Some(("radius", r)) => format!("radius = {:e}\n", r.parse::<f32>().unwrap() * scale),
+        _ => format!("{l}\n"),
+    });
+    [obj.collect(), toml.collect()]
+}
+
+#[test]
+fn scenes_of_any_scale_render_or_say_why_not() {
+    for scale in [1e-4, 1e4, 1e10] {
+        let [obj, toml] = scaled(scale);
+        let room = Room::with(&obj, MTL, &toml);
+        for integrator in ["--bdpt", "--path"] {
+            room.succeed(&["render", "room.obj", integrator, "--spp", "8", "-o", "a.exr"]);
+            let output = room.succeed(&["evaluate", "--target", "high-key", "--json", "a.exr"]);
+            let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert!(report["f_q"].is_f64(), "{scale} {integrator}");
+        }
+    }
+    for (scale, wanted) in [
+        (1e-30, "room.obj: no triangle in this file but for 14 that are degenerate"),
+        (1e19, "room.obj: no triangle in this file but for 14 that are degenerate"),
+    ] {
+        let [obj, _] = scaled(scale);
+        let error = Room::with(&obj, MTL, TOML).fail_at_once(&["render", "room.obj", "-o", "a.png"]);
+        assert!(error.contains(wanted), "{scale}: {error}");
+    }
+}
+
+#[test]
+fn a_stray_triangle_does_not_spoil_a_picture() {
+    for far in ["1e10", "1e17", "2e18", "1e19", "1e25", "1e30", "1e39", "nan", "-inf"] {
+        let back = far.trim_start_matches('-');
+        let obj = format!("{OBJ}o stray\nv {far} 0 0\nv 0 {far} 0\nv 0 0 -{back}\nf -3 -2 -1\n");
+        let toml = format!("{TOML}[[lights]]\nname = \"sky\"\ntype = \"environment\"\n");
+        let room = Room::with(&obj, MTL, &toml);
+        let output = room.succeed(&["render", "room.obj", "--spp", "8", "-o", "a.exr"]);
+        let is_left_out = String::from_utf8_lossy(&output.stderr).contains("left out 1 degenerate triangle");
+        assert_eq!(is_left_out, !["1e10", "1e17"].contains(&far), "{far}");
+        let output = room.succeed(&["evaluate", "--target", "high-key", "--json", "a.exr"]);
+        let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert!(report["f_q"].is_f64(), "{far}");
+    }
 }
 
 #[test]
@@ -221,6 +292,8 @@ fn textures_are_found_beside_the_scene() {
         image::RgbImage::from_pixel(2, 2, image::Rgb([255, 188, 0])).save(room.path("maps/a b.png")).unwrap();
         // A PNG by content.
         std::fs::copy(room.path("maps/a b.png"), room.path("b.jpg")).unwrap();
+        std::fs::create_dir(room.path("textures")).unwrap();
+        std::fs::copy(room.path("maps/a b.png"), room.path("textures/c.png")).unwrap();
         obj::load(&room.path("room.obj"), CREASE)
             .map(|s| s.materials[0].1.texture.as_ref().unwrap().sample(glam::Vec2::ZERO).to_array())
     };
@@ -229,7 +302,15 @@ fn textures_are_found_beside_the_scene() {
         assert!((r, b) == (1.0, 0.0) && (g - 0.5).abs() < 0.01, "{name}: {r} {g} {b}");
     }
     // As it was on another machine, in quotes, in other letter case.
-    for name in [r"C:\Users\me\B.JPG", "/home/me/textures/b.jpg", "\"b.jpg\"", "../b.jpg"] {
+    for name in [
+        r"C:\Users\me\B.JPG",
+        r"C:\\Users\\me\\maps\\a b.png",
+        "/home/me/textures/b.jpg",
+        "\"b.jpg\"",
+        "../b.jpg",
+        "c.png",
+        "C.PNG",
+    ] {
         assert_eq!(texel(&format!("newmtl m\nmap_Kd {name}\n")).unwrap()[0], 1.0, "{name}");
     }
 
@@ -260,8 +341,8 @@ fn lines_that_make_no_sense_are_named() {
         ("v 0 0 0\nf 1 1 0\n", "obj:2: `f`: `0`: indices begin at 1"),
         ("f 1 2 3\n", "obj:1: `f`: vertex 1 does not exist: the file has 0"),
         ("v 0 0 0\nf -1 -1 -2\n", "obj:2: `f`: vertex -2 does not exist: the file has 1 so far"),
-        ("v 0 0 0\nf 1/9 1 1\n", "obj:2: `f`: texture coordinate 9 does not exist: the file has 0"),
-        ("v 0 0 0\nf 1//9223372036854775807 1 1\n", "normal 9223372036854775807 does not exist"),
+        ("v 0 0 0\nvt 0 0\nf 1/9 1 1\n", "obj:3: `f`: texture coordinate 9 does not exist: the file has 1"),
+        ("v 0 0 0\nvn 0 1 0\nf 1//9223372036854775807 1 1\n", "normal 9223372036854775807 does not exist"),
         ("v 0 0 0\nf 1 1 -9223372036854775808\n", "vertex -9223372036854775808 does not exist"),
         ("v 0 0 0\nf 1 1 99999999999999999999\n", "`99999999999999999999` is not an index"),
         ("v 0 0 0\nf 1/1/1/1 1 1\n", "`1/1/1/1` has more than 3 indices"),
@@ -380,7 +461,7 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
     let p = of("Ke 3 2 1\n");
     assert!(p.emission == Vec3::new(3.0, 2.0, 1.0) && p.emission_texture.is_none() && !p.emission_two_sided);
     assert!(
-        of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ZERO
+        of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ONE
     );
     assert_eq!((of("d 0.3\n").opacity, of("Tr 0.75\n").opacity), (0.3, 0.25));
     assert_eq!((of("Tr 0.5\nd 1\n").opacity, of("d -1\n").opacity), (1.0, 1.0));
@@ -389,6 +470,18 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
     let p = of("map_Kd -s 2 4 -o 0.25 g.png\n");
     let t = p.texture.unwrap().transform();
     assert_eq!(t.transform_point2(Vec2::ONE), Vec2::new(2.25, 4.0));
+}
+
+/// As 3ds Max and others write what an image covers.
+#[test]
+fn an_image_below_which_the_number_is_black_counts_alone() {
+    let images = [("g.png", flat([128, 128, 128, 255]))];
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ONE, Vec3::ONE));
+    let (p, _) = textured("newmtl m\nKd 0.5 0 0\nKe 2 0 0\nmap_Kd g.png\nmap_Ke g.png\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::X * 0.5, Vec3::X * 2.0));
+    let (p, _) = textured("newmtl m\nKd 0 0 0\nKe 0 0 0\n", &images);
+    assert_eq!((p.base_color, p.emission), (Vec3::ZERO, Vec3::ZERO));
 }
 
 #[test]
@@ -475,6 +568,10 @@ fn files_of_blender_mean_the_parameters_of_its_shader() {
     );
     assert_eq!((p.base_color.x, p.specular, p.roughness, p.metallic), (1.0, 2.0, 1.0, 1.0));
     assert!(p.specular_map.is_some() && p.roughness_map.is_some() && p.metallic_map.is_some());
+    // The old exporter writes the numbers below the images as well.
+    let p = of(OLD, "Ka 1 1 1\nKd 0.8 0.8 0.8\nKe 0 0 0\nillum 2\nmap_Kd g.png\nmap_Ke g.png\nrefl g.png\n");
+    assert_eq!((p.base_color.x, p.emission, p.metallic), (1.0, Vec3::ONE, 1.0));
+    assert!(p.texture.is_some() && p.emission_texture.is_some() && p.metallic_map.is_some());
     // Values that mean absent.
     let p = of(
         NEW,

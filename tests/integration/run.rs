@@ -320,6 +320,73 @@ fn scenes_that_cannot_be_lit_are_errors_that_leave_nothing() {
     assert!(error.contains("nothing is free"), "{error}");
 }
 
+/// The room without its `[[lights]]`, with `lights` instead.
+fn lit_by(lights: &str) -> String {
+    format!("{}{lights}", &TOML[..TOML.find("[[lights]]").unwrap()])
+}
+
+const RECTANGLE: &str = "[[lights]]
+name = \"key\"
+type = \"rectangle\"
+position = [0.5, 1.8, 0.8]
+look_at = [0.0, 0.3, 0.0]
+half_extents = [0.2, 0.15]
+";
+
+#[test]
+fn every_kind_of_light_lens_and_opacity_can_be_designed_with() {
+    let lamp = "v .6 1.7 .2\nv .9 1.7 .2\nv .9 1.7 .6\nv .6 1.7 .6\no lamp\nusemtl lamp\nf -4 -3 -2 -1\n";
+    let obj = format!("{OBJ}{lamp}");
+    let mtl = |ke: &str| format!("{MTL}newmtl lamp\nKd 0 0 0\n{ke}");
+    let sky = "[[lights]]\nname = \"sky\"\ntype = \"environment\"\nimage = \"sky.png\"\nrotation = 90\n";
+    let spot = "[[lights]]\nname = \"spot\"\ntype = \"spot\"\nposition = [0, 1.5, 1]\nlook_at = [0, 0.3, 0]\n\
+                radius = 0\nangle = 40\n";
+    let sun = "[[lights]]\nname = \"sun\"\ntype = \"distant\"\nlook_at = [-1, -2, -1]\n";
+    let mesh = "[[lights]]\nname = \"bulb\"\ntype = \"mesh\"\nmaterial = \"lamp\"\n";
+    let lens = lit_by(RECTANGLE).replace("size = [24, 18]", "size = [24, 18]\naperture_radius = 0.05");
+    for (ke, toml, expected) in [
+        ("Ke 20 18 15\n", lit_by(""), &["lamp.radiance"] as &[&str]),
+        ("", lit_by(mesh), &["bulb.radiance"]),
+        ("", lit_by(&format!("{sky}{RECTANGLE}")), &["sky.radiance", "key.radiance", "key.size"]),
+        ("", lit_by(&format!("{RECTANGLE}occludes = true\n")), &["key.radiance"]),
+        ("", lit_by(&format!("{spot}{sun}")), &["spot.radiance", "sun.radiance"]),
+        ("", lens, &["key.radiance", "key.size"]),
+        ("", lit_by(&format!("{RECTANGLE}[materials.red]\nopacity = 0.5\n")), &["key.radiance", "key.size"]),
+    ] {
+        let room = Room::with(&obj, &mtl(ke), &toml);
+        image::RgbImage::from_fn(8, 4, |x, _| image::Rgb([40 * x as u8, 90, 200]))
+            .save(room.path("sky.png"))
+            .unwrap();
+        let report = json_of(&room, &quick(&["--out", "a", "--free", "radiance,size"]));
+        let variables: Vec<&str> =
+            report["x"].as_object().unwrap().keys().map(String::as_str).filter(|k| k.contains('.')).collect();
+        let mut expected = expected.to_vec();
+        expected.sort_unstable();
+        assert_eq!(variables, expected, "{toml}");
+        assert!(report["f_q"].is_f64(), "{toml}");
+        room.succeed(&["render", "--lights", "a/lights.toml", "--spp", "4", "-o", "a.exr", "room.obj"]);
+        let again = std::fs::read(room.path("a.exr")).unwrap();
+        room.succeed(&["render", "--lights", "a/lights.toml", "--spp", "4", "-o", "b.exr", "room.obj"]);
+        assert_eq!(again, std::fs::read(room.path("b.exr")).unwrap());
+    }
+}
+
+#[test]
+fn a_light_of_the_scene_file_may_light_nothing() {
+    // Behind the wall, turned away.
+    let lamp = "v .6 1 -4\nv .9 1 -4\nv .9 1.5 -4\nv .6 1.5 -4\no lamp\nusemtl lamp\nf -1 -2 -3 -4\n";
+    let mtl = format!("{MTL}newmtl lamp\nKd 0 0 0\nKe 1 1 1\n");
+    let room = Room::with(&format!("{OBJ}{lamp}"), &mtl, TOML);
+    let report = json_of(&room, &quick(&["--out", "a", "--free", "radiance"]));
+    let x = report["x"].as_object().unwrap();
+    assert!(x.contains_key("key.radiance") && !x.contains_key("lamp.radiance"), "{x:?}");
+    // The sidecar's own must.
+    let toml =
+        format!("{TOML}[[lights]]\nname = \"bulb\"\ntype = \"mesh\"\nmaterial = \"lamp\"\nradiance = 1.0\n");
+    let error = Room::with(&format!("{OBJ}{lamp}"), &mtl, &toml).fail(&quick(&["--out", "a"]));
+    assert!(error.contains("light `bulb` does not light the picture"), "{error}");
+}
+
 #[test]
 fn wrong_usage_is_code_2() {
     let room = Room::new();

@@ -181,6 +181,148 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
     ]);
 }
 
+/// What the room with one more light is answered with.
+fn error_of_light(keys: &str) -> String {
+    let room = Room::with(OBJ, MTL, &format!("{TOML}[[lights]]\nname = \"x\"\n{keys}\n"));
+    room.write("none.png", "no picture");
+    image::RgbImage::new(4, 2).save(room.path("black.png")).unwrap();
+    room.fail_at_once(&["render", "room.obj", "--spp", "1", "-o", "a.png"])
+}
+
+fn check_lights(kind: &str, cases: &[(&str, &str)]) {
+    for (keys, wanted) in cases {
+        let error = error_of_light(&format!("type = \"{kind}\"\n{keys}"));
+        let wanted = format!("room.toml: `lights.x.{wanted}");
+        assert!(error.contains(&wanted), "{kind} `{keys}`: wanted `{wanted}` in: {error}");
+    }
+}
+
+#[test]
+fn surroundings_are_nowhere_and_have_a_picture() {
+    check_lights(
+        "environment",
+        &[
+            (
+                "position = [0, 0, 0]",
+                "position`: only for a rectangle, disk, sphere, spot, point or distant light",
+            ),
+            ("look_at = [0, 0, 0]", "look_at`: only for"),
+            ("up = [0, 1, 0]", "up`: only for a rectangle"),
+            ("radius = 1", "radius`: only for a disk, sphere or spot"),
+            ("size = 1", "size`: only for a light with a size"),
+            ("size_range = [1, 2]", "size_range`: only for a light with a size"),
+            ("free = [\"size\"]", "free`: `size` is only for a light with a size"),
+            ("occludes = true", "occludes`: only for a rectangle, disk or sphere (a mesh always does)"),
+            ("material = \"red\"", "material`: only for a mesh"),
+            ("rotation = inf", "rotation`: must be finite, got inf"),
+            ("image = \"\"", "image`: must name a picture"),
+            ("image = \"no.exr\"", "image`: no.exr: cannot open the picture: No such file"),
+            ("image = \"none.png\"", "image`: none.png: cannot read it as a picture"),
+            ("image = \"black.png\"", "image`: black.png: needs values >= 0, not all 0"),
+        ],
+    );
+    check_lights(
+        "rectangle",
+        &[
+            ("image = \"a.exr\"", "image`: only for an environment"),
+            ("rotation = 1", "rotation`: only for an environment"),
+        ],
+    );
+}
+
+#[test]
+fn parallel_light_has_a_direction_and_no_size() {
+    check_lights(
+        "distant",
+        &[
+            ("", "look_at`: a distant light needs this key"),
+            ("look_at = [0, 0, 0]", "look_at`: must differ from `position`, which is the origin"),
+            ("look_at = [0, -1, 0]\nradius = 1", "radius`: only for"),
+            ("look_at = [0, -1, 0]\nangle = 1", "angle`: only for a spot"),
+            ("look_at = [0, -1, 0]\nsize = 2", "size`: only for a light with a size"),
+            ("look_at = [0, -1, 0]\noccludes = true", "occludes`: only for"),
+        ],
+    );
+}
+
+#[test]
+fn a_mesh_is_a_material_that_the_scene_has() {
+    check_lights(
+        "mesh",
+        &[
+            ("", "material`: a mesh needs this key"),
+            ("material = \"rde\"", "material`: no `rde` in room.obj; did you mean `red`?"),
+            ("material = \"red\"\nposition = [0, 0, 0]", "position`: only for"),
+            ("material = \"red\"\nhalf_extents = [1, 1]", "half_extents`: only for a rectangle"),
+            ("material = \"red\"\noccludes = true", "occludes`: only for"),
+            ("material = \"red\"\nfree = [\"radiance\", \"size\"]", "free`: `size` is only for"),
+        ],
+    );
+    let two =
+        "type = \"mesh\"\nmaterial = \"red\"\n[[lights]]\nname = \"y\"\ntype = \"mesh\"\nmaterial = \"red\"";
+    let error = error_of_light(two);
+    assert!(error.contains("`lights.y.material`: another light has the material `red`"), "{error}");
+    // No face has it.
+    let room = Room::with(
+        OBJ,
+        &format!("{MTL}newmtl bulb\nKd 0 0 0\n"),
+        &format!("{TOML}[[lights]]\nname = \"x\"\ntype = \"mesh\"\nmaterial = \"bulb\"\n"),
+    );
+    let error = room.fail_at_once(&["render", "room.obj", "-o", "a.png"]);
+    assert!(error.contains("`lights.x.material`: no triangle has the material `bulb`"), "{error}");
+}
+
+#[test]
+fn only_a_spot_may_be_a_point_and_then_has_no_size() {
+    let spot = |keys: &str| format!("position = [0, 1, 0]\nlook_at = [0, 0, 0]\nangle = 30\n{keys}");
+    let cases = [
+        ("", "radius`: a spot light needs this key"),
+        ("radius = -1", "radius`: must be >= 0, got -1"),
+        ("radius = nan", "radius`: must be >= 0, got NaN"),
+        ("radius = 0\nsize = 2", "size`: only for a light with a size"),
+        ("radius = 0\nsize_range = [1, 2]", "size_range`: only for a light with a size"),
+        ("radius = 0\nfree = [\"size\"]", "free`: `size` is only for"),
+        ("radius = 0\nsoftness = 2", "softness`: must be in [0, 1], got 2"),
+        ("radius = 0\noccludes = true", "occludes`: only for"),
+    ];
+    let cases = cases.map(|(keys, wanted)| (spot(keys), wanted));
+    check_lights("spot", &cases.each_ref().map(|(keys, wanted)| (keys.as_str(), *wanted)));
+    check_lights("sphere", &[("position = [0, 1, 0]\nradius = 0", "radius`: must be > 0, got 0")]);
+    check_lights("point", &[("position = [0, 1, 0]\nup = [0, 1, 0]", "up`: only for a rectangle")]);
+    check_lights("point", &[("position = [0, 1e30, 0]", "position`: must be at most 1.8")]);
+}
+
+#[test]
+fn a_light_that_stops_rays_keeps_its_size() {
+    check(&[
+        (
+            "radiance = 5.0",
+            "occludes = true\nfree = [\"size\"]",
+            "`lights.fill.occludes`: a light that stops rays has no free size",
+        ),
+        (
+            "radiance = 5.0",
+            "occludes = true\nsize_range = [1, 2]",
+            "`lights.fill.occludes`: a light that stops rays has no free size",
+        ),
+        ("radiance = 5.0", "occludes = 1", "room.toml:21: `lights.occludes`: invalid type"),
+    ]);
+}
+
+#[test]
+fn a_lens_has_a_radius_and_a_distance() {
+    for (keys, wanted) in [
+        ("aperture_radius = 0", "`camera.aperture_radius`: must be > 0, got 0"),
+        ("aperture_radius = -0.1", "`camera.aperture_radius`: must be > 0, got -0.1"),
+        ("aperture_radius = nan", "`camera.aperture_radius`: must be > 0, got NaN"),
+        ("focus_distance = 1", "`camera.focus_distance`: needs `aperture_radius`"),
+        ("aperture_radius = 0.1\nfocus_distance = 0", "`camera.focus_distance`: must be > 0, got 0"),
+    ] {
+        let error = error_of("vfov = 45.0", &format!("vfov = 45.0\n{keys}"));
+        assert!(error.contains(wanted), "`{keys}`: wanted `{wanted}` in: {error}");
+    }
+}
+
 #[test]
 fn names_that_the_scene_lacks_are_answered_with_those_it_has() {
     check(&[

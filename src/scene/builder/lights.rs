@@ -77,7 +77,7 @@ impl Builder<'_> {
             } else {
                 names.insert(l.name.clone());
                 lights.push(punctual(l));
-                bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+                bounds.push(LightBounds { radiance_free, is_from_file: true, ..LightBounds::default() });
             }
         }
         for l in &sidecar.lights {
@@ -102,7 +102,7 @@ impl Builder<'_> {
                 camera_visible: true,
                 occludes: false,
             });
-            bounds.push(LightBounds { radiance_free, ..LightBounds::default() });
+            bounds.push(LightBounds { radiance_free, is_from_file: true, ..LightBounds::default() });
         }
         Ok((lights, bounds))
     }
@@ -144,14 +144,22 @@ impl Builder<'_> {
             radiance_max: l.radiance_max,
             radiance_free: free(Radiance),
             size_free: free(Size) && has_size(l) && !l.occludes,
+            is_from_file: false,
         })
     }
 
     fn check_keys(&self, l: &LightSpec) -> Result<(), SceneError> {
         use LightType::{Disk, Distant, Environment, Mesh, Point, Rectangle, Sphere, Spot};
         let has = |kinds: &[LightType]| kinds.contains(&l.kind);
+        const SIZED: &str = "a light with a size: a rectangle, disk or sphere, or a spot with a radius";
         for (key, given, allowed, kinds) in [
-            ("position", l.position.is_some(), !has(&[Environment, Mesh]), "a light that is somewhere"),
+            (
+                "position",
+                l.position.is_some(),
+                !has(&[Environment, Mesh]),
+                "a rectangle, disk, sphere, spot, point or distant light",
+            ),
+            ("up", l.up.is_some(), has(&[Rectangle]), "a rectangle"),
             ("half_extents", l.half_extents.is_some(), has(&[Rectangle]), "a rectangle"),
             (
                 "look_at",
@@ -162,8 +170,8 @@ impl Builder<'_> {
             ("angle", l.angle.is_some(), has(&[Spot]), "a spot"),
             ("softness", l.softness.is_some(), has(&[Spot]), "a spot"),
             ("radius", l.radius.is_some(), has(&[Disk, Sphere, Spot]), "a disk, sphere or spot"),
-            ("size", l.size.is_some(), has_size(l) || has(&[Point]), "a light with a size"),
-            ("size_range", l.size_range.is_some(), has_size(l), "a light with a size"),
+            ("size", l.size.is_some(), has_size(l) || has(&[Point]), SIZED),
+            ("size_range", l.size_range.is_some(), has_size(l), SIZED),
             ("image", l.image.is_some(), has(&[Environment]), "an environment"),
             ("rotation", l.rotation.is_some(), has(&[Environment]), "an environment"),
             ("material", l.material.is_some(), has(&[Mesh]), "a mesh"),
@@ -177,6 +185,10 @@ impl Builder<'_> {
             if given && !allowed {
                 return Err(self.error(format!("lights.{}.{key}", l.name), format!("only for {kinds}")));
             }
+        }
+        if l.free.as_ref().is_some_and(|f| f.contains(Size)) && !has_size(l) {
+            let message = format!("`size` is only for {SIZED}");
+            return Err(self.error(format!("lights.{}.free", l.name), message));
         }
         Ok(())
     }
@@ -255,7 +267,8 @@ impl Builder<'_> {
             (None, _) => return Err(missing("position", kind)),
         };
         self.finite(&key("position"), position)?;
-        self.finite(&key("up"), l.up)?;
+        let up = l.up.unwrap_or([0.0, 1.0, 0.0]);
+        self.finite(&key("up"), up)?;
         let center = Vec3::from_array(position);
         let radius = || match l.radius {
             Some(r) => self.positive(&key("radius"), r),
@@ -264,14 +277,15 @@ impl Builder<'_> {
         let normal = || {
             let target = l.look_at.ok_or_else(|| missing("look_at", kind))?;
             self.finite(&key("look_at"), target)?;
-            (Vec3::from_array(target) - center)
-                .try_normalize()
-                .ok_or_else(|| self.error(key("look_at"), "must differ from `position`"))
+            (Vec3::from_array(target) - center).try_normalize().ok_or_else(|| {
+                let default = if l.position.is_none() { ", which is the origin" } else { "" };
+                self.error(key("look_at"), format!("must differ from `position`{default}"))
+            })
         };
         let planar = |outline, cone| {
             Ok::<_, SceneError>(Shape::Planar(Planar {
                 center,
-                frame: look_frame(normal()?, l.up.into()),
+                frame: look_frame(normal()?, up.into()),
                 outline,
                 cone,
             }))
@@ -299,6 +313,9 @@ impl Builder<'_> {
                     return Err(self.error(key("softness"), format!("must be in [0, 1], got {softness}")));
                 }
                 let cone = cone(angle.to_radians(), softness);
+                if let Some(r) = l.radius.filter(|&r| !(r >= 0.0 && r.is_finite())) {
+                    return Err(self.error(key("radius"), format!("must be >= 0, got {r}")));
+                }
                 if l.radius == Some(0.0) {
                     return Ok(Shape::Point(Point { position: center, cone: Some((normal()?, cone)) }));
                 }
@@ -315,6 +332,7 @@ impl Builder<'_> {
         }
         let map = match &l.image {
             None => None,
+            Some(name) if name.is_empty() => return Err(self.error(key("image"), "must name a picture")),
             Some(name) => {
                 let path = self.toml_path.parent().unwrap_or(std::path::Path::new("")).join(name);
                 let picture = read_image(&path).map_err(|source| SceneError::Picture {

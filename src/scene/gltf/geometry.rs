@@ -12,7 +12,10 @@ use super::{
     file::{DRACO, not_read},
     material::Placement,
 };
-use crate::scene::{SceneError, mesh::face_normal};
+use crate::scene::{
+    SceneError,
+    mesh::{face_normal, is_proper},
+};
 
 /// How far texture coordinates may leave the unit square unnoticed.
 const UV_TOLERANCE: f32 = 1e-3;
@@ -258,12 +261,11 @@ impl Reader<'_> {
         for &[a, b, c] in &shape.triangles {
             let corners = if flips { [a, c, b] } else { [a, b, c] }.map(|i| i as usize);
             let points = corners.map(|i| positions[i]);
-            let face = face_normal(points);
-            if !(points.iter().all(|p| p.is_finite()) && face.is_finite() && face.length_squared() > 0.0) {
+            if !is_proper(points) {
                 self.n_degenerate += usize::from(!shape.is_strip);
                 continue;
             }
-            let face = face.normalize_or(Vec3::Y);
+            let face = face_normal(points).normalize_or(Vec3::Y);
             let triangle = corners.map(|i| {
                 if normals[i] != Vec3::ZERO {
                     return (base + i) as u32;

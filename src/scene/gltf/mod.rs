@@ -385,7 +385,7 @@ impl Reader<'_> {
         }
         self.materials.report(&mut self.notes);
         if self.mesh.indices.is_empty() {
-            return Err(SceneError::NoTriangles { path: path.clone() });
+            return Err(SceneError::NoTriangles { path: path.clone(), n_degenerate: self.n_degenerate });
         }
         let in_use = self.materials.list.iter_mut().flat_map(|(_, p)| p.textures_mut());
         let mut textures: Vec<&mut Arc<Texture>> = in_use.collect();
