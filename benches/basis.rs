@@ -1,0 +1,141 @@
+//! What does an evaluation on the transport basis cost, and how does it grow with the lights?
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::{UVec2, Vec3};
+use lightopt_embree::{
+    camera::Camera,
+    design::evaluator::{Evaluator, Scratch},
+    integrator::{Integrator, aov},
+    light::{Light, Shape, SizeDensity, Sphere},
+    math::Rgb,
+    objective::{LuminanceMode, Objective, Smoothing, Target},
+    params::{ParamVector, Scale, Variable, VariableKind},
+    sampler::SamplerKind,
+    scene::{
+        Material, Mesh, Scene,
+        material::{Coats, MaterialParams},
+    },
+    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+const SIZES: [f32; 2] = [0.05, 1.0];
+
+/// A card before a wall, and `n` lamps.
+fn scene(n: usize) -> Scene {
+    let mut mesh = Mesh::default();
+    for (z, half, material) in [(-1.0, 3.0, 0), (0.0, 0.5, 1)] {
+        let first = mesh.positions.len() as u32;
+        for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+            mesh.positions.push(Vec3::new(x * half, y * half, z));
+            mesh.normals.push(Vec3::Z);
+            mesh.uvs.push(glam::Vec2::ZERO);
+        }
+        for t in [[0, 1, 2], [0, 2, 3]] {
+            mesh.indices.push(t.map(|i| first + i));
+            mesh.materials.push(material);
+            mesh.objects.push(material);
+        }
+    }
+    let mut coats = Coats::default();
+    let mut material = |name: &str| Material::new(name.into(), MaterialParams::default(), &mut coats);
+    let materials = vec![material("wall"), material("card")];
+    let lights = (0..n)
+        .map(|i| {
+            let angle = i as f32 / n as f32 * std::f32::consts::TAU;
+            let center = Vec3::new(1.5 * angle.cos(), 1.5 * angle.sin(), 0.8);
+            Light {
+                name: format!("lamp {i}"),
+                shape: Shape::Sphere(Sphere { center, radius: 0.1 }),
+                color: Rgb::ONE,
+                radiance: 1.0,
+                size: 1.0,
+                size_density: SizeDensity::AnySize { least: SIZES[0], extent: SIZES[1] },
+                camera_visible: true,
+                occludes: false,
+            }
+        })
+        .collect();
+    let size = UVec2::new(128, 96);
+    let camera = Camera::new(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, Vec3::Y, 40.0, size).expect("looks ahead");
+    let mut scene = Scene::new("card", mesh, materials, lights, camera).expect("is sound");
+    scene.is_main = vec![false, false, true, true];
+    scene.set_background(vec![0]);
+    scene.set_background_value(1.0, 1.0);
+    scene
+}
+
+fn variables(n: usize) -> ParamVector {
+    let variable = |name: String, lower: f64, upper: f64, scale: Scale, kind: VariableKind| Variable {
+        name,
+        unit: "",
+        lower,
+        upper,
+        initial: 0.5 * upper,
+        scale,
+        kind,
+    };
+    let mut variables: Vec<Variable> = (0..n)
+        .flat_map(|l| {
+            [
+                variable(format!("{l}.radiance"), 0.0, 50.0, Scale::Perceptual, VariableKind::Radiance(l)),
+                variable(
+                    format!("{l}.size"),
+                    f64::from(SIZES[0]),
+                    f64::from(SIZES[1]),
+                    Scale::Logarithmic,
+                    VariableKind::Size(l),
+                ),
+            ]
+        })
+        .collect();
+    variables.push(variable("value".into(), 0.05, 1.0, Scale::Perceptual, VariableKind::Background));
+    ParamVector { variables }
+}
+
+fn layout(n: usize) -> Layout {
+    let knots = || Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 24);
+    Layout::new(
+        UVec2::new(128, 96),
+        (0..n).map(|_| SizeBins::Free(knots())).collect(),
+        ValueNodes::new(1.0, 8),
+    )
+}
+
+fn benchmark(c: &mut Criterion) {
+    let integrator = Integrator::default();
+    let mut group = c.benchmark_group("basis");
+    group.sample_size(10);
+    for n in [3, 12, 48] {
+        let scene = scene(n);
+        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 0 };
+        let mut basis = TransportBasis::new(layout(n), 4);
+        println!("{n} lights: {} MiB", basis.layout().memory(4) >> 20);
+        group.bench_function(format!("render, 4 replicates of 1 sample, {n} lights"), |b| {
+            b.iter(|| basis.render(source, 1, &()).expect("is sound"));
+        });
+        let aovs = aov::trace(&scene);
+        let target = Target::resolve("high-key").expect("is built in");
+        let objective = Objective::new(&target, aovs.width, aovs.height, &aovs.mask).expect("has both");
+        let variables = variables(n);
+        let fixed = LightingPoint { radiance: vec![1.0; n], size: vec![1.0; n], value: 1.0 };
+        let evaluator = Evaluator {
+            basis: &basis,
+            objective: &objective,
+            variables: &variables,
+            fixed: &fixed,
+            luminance: LuminanceMode::Srgb,
+            exposure: 1.0,
+        };
+        let u = vec![0.4; variables.len()];
+        let (mut gradient, mut scratch) = (vec![0.0; variables.len()], Scratch::default());
+        let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+        group.bench_function(format!("f_q with gradient, {n} lights, 128x96"), |b| {
+            b.iter(|| evaluator.evaluate(black_box(&u), &smoothing, Some(&mut gradient), &mut scratch));
+        });
+    }
+}
+
+criterion_group!(benches, benchmark);
+criterion_main!(benches);
