@@ -13,7 +13,7 @@
 //!
 //! Replicates come from independent scrambles. Each has a table of luminance, for
 //! the objective; colour is kept as their mean. Tables hold prefix sums over the
-//! knots, layout [cell][node][pixel] (colour: [cell][node][rgb][pixel]), the cells
+//! knots, layout `[cell][node][pixel]` (colour: `[cell][node][rgb][pixel]`), the cells
 //! of a light being its knots; a light whose size is not free has a single cell.
 
 mod film;
