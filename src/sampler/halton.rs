@@ -30,17 +30,20 @@ static PRIMES: [u32; 128] = first_primes();
 /// Value `index` of dimension `dimension` under scramble `seed`, in [0, 1).
 ///
 /// \[PBRT4\] 8.6.4 (Owen-scrambled radical inverse): each digit is permuted at
-/// random by a hash of the digits before it.
+/// random by a hash of the digits before it, and of their number: leading zeros
+/// are digits too, without which index 0 would be 0 for every base-th scramble.
 pub fn sample(index: u32, dimension: u32, seed: u64) -> f32 {
     let base = PRIMES[dimension as usize % PRIMES.len()];
     let seed = hash_words(&[seed, u64::from(dimension)]);
     let inv_base = 1.0 / f64::from(base);
     let (mut rest, mut reversed, mut scale) = (u64::from(index), 0_u64, 1.0_f64);
     // Until the remaining digits cannot change an f32.
+    let mut n_digits = 0;
     while scale > 1e-8 {
         let digit = (rest % u64::from(base)) as u32;
         rest /= u64::from(base);
-        let p = permute(digit, base, hash_words(&[seed, reversed]) as u32);
+        let p = permute(digit, base, hash_words(&[seed.wrapping_add(n_digits), reversed]) as u32);
+        n_digits += 1;
         reversed = reversed * u64::from(base) + u64::from(p);
         scale *= inv_base;
     }
@@ -81,6 +84,22 @@ fn permute(mut i: u32, n: u32, p: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_index_is_uniform_over_the_scrambles() {
+        const CELLS: usize = 64;
+        const N: u64 = 64 * 256;
+        for (index, dimension) in [(0, 0), (0, 1), (0, 20), (1, 0), (2, 2), (5, 7), (70_000, 3)] {
+            let mut counts = [0_u32; CELLS];
+            for seed in 0..N {
+                counts[(sample(index, dimension, seed) * CELLS as f32) as usize] += 1;
+            }
+            let expected = N as f64 / CELLS as f64;
+            let chi2: f64 = counts.iter().map(|&c| (f64::from(c) - expected).powi(2) / expected).sum();
+            // 63 degrees of freedom: beyond 120 with probability 2e-5.
+            assert!(chi2 < 120.0, "index {index}, dimension {dimension}: {chi2}");
+        }
+    }
 
     #[test]
     fn permutations_are_bijections() {

@@ -47,7 +47,7 @@ SCENES = {
     "glossy_floor": (64, 256),
     "smooth_plastic": (64, 256),
     "rough_conductor": (64, 256),
-    "caustic": (256, 1024),
+    "caustic": (384, 1536),
     "smooth_glass": (128, 512),
     "rough_glass": (64, 256),
     "smooth_normals": (64, 256),
