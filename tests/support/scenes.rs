@@ -265,7 +265,8 @@ pub fn outdoors(size: (u32, u32)) -> Scene {
     let mut s = Shapes::default();
     let mut m = room().1;
     m.push(material("metal", Model::Conductor, [0.9, 0.8, 0.7], 0.5));
-    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.0));
+    // Rough: what smooth glass makes of parallel light a path tracer cannot find.
+    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.4));
     s.quad(Vec3::new(-1.5, 0.0, -1.5), Vec3::Z * 3.0, Vec3::X * 3.0, 0);
     s.sphere(Vec3::new(-0.5, 0.5, 0.0), 0.5, 8, true, 3);
     s.sphere(Vec3::new(0.6, 0.4, 0.3), 0.4, 8, true, 4);
@@ -331,6 +332,8 @@ pub fn out_of_focus(size: (u32, u32)) -> Scene {
         "spot",
         Shape::Point(Point { position: Vec3::new(0.2, 1.8, 0.0), cone: Some((axis, cone)) }),
     ));
+    // Rough, for the same reason: what smooth varnish makes of a point light.
+    scene.materials[5] = material("varnish", Model::Plastic, [0.6, 0.2, 0.2], 0.3);
     let lens = Lens { radius: 0.08, focus_distance: 3.6 };
     let camera = scene.camera.clone().with_lens(Some(lens));
     scene = Scene::new("out_of_focus", scene.mesh, scene.materials, lights, camera).unwrap();
