@@ -101,12 +101,20 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
         let sums = &self.sums;
         let cells = luminance.par_chunks_mut(n_nodes * n_pixels);
         cells.zip(rgb.par_chunks_mut(n_nodes * 3 * n_pixels)).enumerate().for_each(|(cell, (y, rgb))| {
-            for p in 0..n_pixels {
-                let nodes = &sums[p * per_pixel + cell * n_nodes * 3..][..n_nodes * 3];
-                for (k, c) in nodes.chunks_exact(3).enumerate() {
-                    y[k * n_pixels + p] += 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+            for first in (0..n_pixels).step_by(TILE) {
+                let tile = first..(first + TILE).min(n_pixels);
+                for k in 0..n_nodes {
+                    let at = |p: usize| &sums[p * per_pixel + (cell * n_nodes + k) * 3..][..3];
+                    let y = &mut y[k * n_pixels..][tile.clone()];
+                    for (y, p) in y.iter_mut().zip(tile.clone()) {
+                        let c = at(p);
+                        *y += 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
+                    }
                     for i in 0..3 {
-                        rgb[(k * 3 + i) * n_pixels + p] += c[i];
+                        let channel = &mut rgb[(k * 3 + i) * n_pixels..][tile.clone()];
+                        for (v, p) in channel.iter_mut().zip(tile.clone()) {
+                            *v += at(p)[i];
+                        }
                     }
                 }
             }
@@ -115,6 +123,10 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
         self.splats.iter_mut().for_each(Vec::clear);
     }
 }
+
+/// Pixels whose sums are spread over the tables' rows at a time: a cell of all of
+/// them stays in the first cache level.
+const TILE: usize = 128;
 
 fn add<const N: usize>(pixel: &mut [f32], n_nodes: usize, deposit: Deposit, value: &NodeRgb<N>) {
     let stride = 3 * n_nodes;
