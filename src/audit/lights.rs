@@ -136,8 +136,7 @@ impl Lighting {
             scene.set_light(i, l.radiance, size);
         }
         if let Some(Background { value }) = self.background {
-            let albedo =
-                scene.background().iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+            let albedo = scene.background_albedo();
             let ok = value >= 0.0 && value * albedo <= 1.0 + 1e-5;
             require(
                 ok,

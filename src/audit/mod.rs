@@ -106,7 +106,7 @@ impl RunDir {
                 fs::remove_file(entry.path()).map_err(fail("remove the earlier run"))?;
             }
         }
-        write_text(&path.join(MANIFEST), manifest)?;
+        write_whole(&path.join(MANIFEST), manifest)?;
         let log = |name: &str| {
             let path = path.join(name);
             OpenOptions::new().create(true).append(true).open(&path).map_err(|source| AuditError::Io {
@@ -144,7 +144,7 @@ impl RunDir {
     /// When they cannot be written.
     pub fn log_starts(&self, lines: impl Iterator<Item = Value>) -> Result<(), AuditError> {
         let text: String = lines.map(|l| format!("{l}\n")).collect();
-        write_text(&self.path.join("starts.jsonl"), &text)
+        write_whole(&self.path.join("starts.jsonl"), text)
     }
 
     /// Appends a timing.
@@ -201,13 +201,13 @@ fn append(file: &mut File, path: &Path, line: &Value) -> Result<(), AuditError> 
     })
 }
 
-/// Writes a text file, whole or not at all.
+/// Writes a file, whole or not at all.
 ///
 /// # Errors
 /// When the destination is impossible.
-pub fn write_text(path: &Path, text: &str) -> Result<(), AuditError> {
+pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> Result<(), AuditError> {
     write_atomically(path, |file| {
-        file.write_all(text.as_bytes()).map_err(|source| AuditError::Io {
+        file.write_all(content.as_ref()).map_err(|source| AuditError::Io {
             path: path.into(),
             action: "write the file",
             source,

@@ -19,14 +19,9 @@ pub struct About {
     pub scene: String,
     /// Names of the lights.
     pub lights: Vec<String>,
-    /// Radiances, sizes and background value of what is not set otherwise.
-    pub radiance: Vec<f64>,
-    /// See `radiance`.
-    pub size: Vec<f64>,
-    /// See `radiance`.
-    pub value: f64,
-    /// Whether the scene has a background whose value counts.
-    pub has_background: bool,
+    /// The lighting of what is not set otherwise.
+    #[serde(flatten)]
+    pub fixed: LightingPoint,
     /// Factor on luminance before display encoding.
     pub exposure: f64,
     /// Measure of luminance.
@@ -76,10 +71,7 @@ impl About {
         Self {
             scene: scene.name.clone(),
             lights: scene.lights.iter().map(|l| l.name.clone()).collect(),
-            radiance: fixed.radiance.clone(),
-            size: fixed.size.clone(),
-            value: fixed.value,
-            has_background: !scene.background().is_empty(),
+            fixed: fixed.clone(),
             exposure: f64::from(scene.exposure),
             luminance,
             mask,
@@ -102,7 +94,7 @@ impl About {
     pub fn fits(&self, basis: &TransportBasis) -> bool {
         let layout = basis.layout();
         let n = layout.lights.len();
-        [self.lights.len(), self.radiance.len(), self.size.len()] == [n; 3]
+        [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
             && self.mask.iter().sum::<usize>() == layout.n_pixels()
             && self.variables.iter().all(|v| self.kind(&v.name).is_some())
     }
@@ -146,17 +138,9 @@ impl About {
     /// The lighting of what is not set otherwise, at the start of the variables.
     #[must_use]
     pub fn lighting(&self) -> LightingPoint {
-        let mut x =
-            LightingPoint { radiance: self.radiance.clone(), size: self.size.clone(), value: self.value };
-        for v in &self.variables {
-            match self.kind(&v.name) {
-                Some(VariableKind::Radiance(l)) => x.radiance[l] = v.initial,
-                Some(VariableKind::Size(l)) => x.size[l] = v.initial,
-                Some(VariableKind::Background) => x.value = v.initial,
-                None => {}
-            }
-        }
-        x
+        let variables = self.variables();
+        let initial: Vec<f64> = variables.variables.iter().map(|v| v.initial).collect();
+        variables.lighting(self.fixed.clone(), &initial)
     }
 
     /// The objective of a target for its pictures.

@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use serde_json::json;
 
-use super::{LuminanceArg, common::luminance_mode, print};
+use super::{LuminanceArg, print};
 use crate::{
     audit::{lights::Lighting, picture, stored::About},
     film::{exr::write_exr, image_file::write_png},
@@ -72,7 +72,7 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
     }
     let shown = basis.picture(&x);
     if is_exr {
-        let mode = args.luminance.map_or(about.luminance, |l| luminance_mode(Some(l)));
+        let mode = args.luminance.map_or(about.luminance, Into::into);
         let n = shown.rgb.len();
         let aovs = Aovs {
             width: shown.width,

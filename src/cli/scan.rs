@@ -1,10 +1,6 @@
 //! `scan`: f_q along a variable of a stored transport basis.
 
-use std::{
-    fmt::Write as _,
-    io::Write as _,
-    path::{Path, PathBuf},
-};
+use std::{fmt::Write as _, path::PathBuf};
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -12,11 +8,11 @@ use plotters::prelude::*;
 
 use super::relight;
 use crate::{
-    audit::lights::Lighting,
+    audit::{lights::Lighting, write_whole},
     design::evaluator::{Evaluator, Scratch},
-    files::{atomic::AtomicWriteError, nearest, write_atomically},
+    files::nearest,
     objective::{JackknifeEstimate, Target, Term},
-    params::{ParamVector, VariableKind},
+    params::ParamVector,
 };
 
 /// Measure f_q and its terms along a variable, without rendering
@@ -96,14 +92,10 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         let u = f64::from(i) / f64::from(args.steps - 1);
         rows.push((variable.decode(u), evaluator.estimate(&[u], &mut scratch)?));
     }
-    let here = match variable.kind {
-        VariableKind::Radiance(l) => fixed.radiance[l],
-        VariableKind::Size(l) => fixed.size[l],
-        VariableKind::Background => fixed.value,
-    };
-    write(&args.output, table(&args.variable, &rows).as_bytes())?;
+    let here = *variable.kind.of(&mut fixed);
+    write_whole(&args.output, table(&args.variable, &rows))?;
     let plot_path = args.output.with_extension("png");
-    write(&plot_path, &plot(&args.variable, target.name(), here, &rows)?)?;
+    write_whole(&plot_path, plot(&args.variable, target.name(), here, &rows)?)?;
     let Some((x, best)) = rows.iter().min_by(|a, b| a.1.evaluation.f_q.total_cmp(&b.1.evaluation.f_q)) else {
         return Ok(());
     };
@@ -115,17 +107,6 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         args.output.display(),
         plot_path.display()
     ))
-}
-
-fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    write_atomically(path, |out| {
-        out.write_all(bytes).map_err(|source| AtomicWriteError {
-            path: path.into(),
-            action: "write the file",
-            source,
-        })
-    })?;
-    Ok(())
 }
 
 fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> String {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Camera, Purpose, Reporter, RunError, RunOptions, Shot,
+    Camera, Problem, Purpose, Reporter, RunError, RunOptions, Shot,
     attainable::{self, Reach},
     attribute,
     evaluator::{Evaluator, Scratch},
@@ -278,17 +278,6 @@ impl Engine {
     }
 }
 
-/// What is optimised.
-pub struct Problem<'a> {
-    pub scene: &'a mut Scene,
-    pub camera: &'a Camera,
-    pub objective: &'a Objective,
-    pub variables: &'a ParamVector,
-    pub aovs: &'a Aovs,
-    pub options: &'a RunOptions,
-    pub target: &'a crate::objective::Target,
-}
-
 /// Estimates f_q at `u` from the basis.
 ///
 /// # Errors
@@ -316,7 +305,7 @@ fn lacking(e: &JackknifeEstimate, tolerance: f64) -> f64 {
 pub fn optimise(
     engine: &mut Engine,
     starts: &[(String, Vec<f64>)],
-    mut problem: Problem<'_>,
+    problem: &mut Problem<'_>,
     dir: &mut RunDir,
     renders: &mut u64,
     reporter: &impl Reporter,
@@ -325,7 +314,7 @@ pub fn optimise(
     let cancelled = || reporter.cancelled();
     let late = |options: &RunOptions| options.time_limit.is_some_and(|t| begin.elapsed() >= t);
     reporter.stage("searching the basis", None);
-    let trials = search_from(engine, starts, &problem, &cancelled)?;
+    let trials = search_from(engine, starts, problem, &cancelled)?;
     let Some((name, mut best)) = search::best(&trials).map(|(t, p)| (t.name.clone(), p.clone())) else {
         return Err(OptimError::NothingEvaluated.into());
     };
@@ -362,9 +351,9 @@ pub fn optimise(
                 other => other?,
             }
             additions += 1;
-            best = refine(engine, &best, &problem, &mut n_evaluations, &cancelled)?;
+            best = refine(engine, &best, problem, &mut n_evaluations, &cancelled)?;
         }
-        let measured = check_at(&best, &mut problem, round, renders, reporter)?;
+        let measured = check_at(&best, problem, round, renders, reporter)?;
         let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
         let allowed = best.estimate.error_bar() + measured.error_bar();
         reporter.note(&format!(
@@ -379,7 +368,7 @@ pub fn optimise(
             break;
         }
         reporter.note("they disagree: rendering the basis anew around the lights found");
-        let focus = evaluator_of(engine, &problem).lighting(&problem.variables.decode(&best.u));
+        let focus = evaluator_of(engine, problem).lighting(&problem.variables.decode(&best.u));
         let layout = engine.plan.layout(problem.scene, problem.options, Some(&focus));
         let mut fresh = Engine {
             plan: engine.plan.clone(),
@@ -392,15 +381,15 @@ pub fn optimise(
             Err(RunError::Render(RenderError::Cancelled)) => break,
             other => other?,
         }
-        best = refine(&fresh, &best, &problem, &mut n_evaluations, &cancelled)?;
+        best = refine(&fresh, &best, problem, &mut n_evaluations, &cancelled)?;
         own = Some(fresh);
     }
     let engine = own.as_ref().unwrap_or(engine);
-    record(engine, &best, &problem, dir)?;
+    record(engine, &best, problem, dir)?;
     let check = check.ok_or(OptimError::NothingEvaluated)?;
     let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
     let clock = Instant::now();
-    let reach = on_reduced(engine, &problem, |whole, reduced| {
+    let reach = on_reduced(engine, problem, |whole, reduced| {
         attainable::reach(reduced.unwrap_or(whole), engine.seed as u32)
     })?;
     dir.log_timing(&json!({"stage": "attainability", "seconds": clock.elapsed().as_secs_f64()}))?;

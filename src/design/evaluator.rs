@@ -41,15 +41,7 @@ impl Evaluator<'_> {
     /// The lighting of values `x`.
     #[must_use]
     pub fn lighting(&self, x: &[f64]) -> LightingPoint {
-        let mut out = self.fixed.clone();
-        for (v, &x) in self.variables.variables.iter().zip(x) {
-            match v.kind {
-                VariableKind::Radiance(l) => out.radiance[l] = x,
-                VariableKind::Size(l) => out.size[l] = x,
-                VariableKind::Background => out.value = x,
-            }
-        }
-        out
+        self.variables.lighting(self.fixed.clone(), x)
     }
 
     /// Images of the replicates, encoded for the display: the mean and the means

@@ -24,7 +24,7 @@ use glam::UVec2;
 use serde_json::{Value, json};
 
 use crate::{
-    audit::{AuditError, RunDir, lights::Lighting, picture, write_text},
+    audit::{AuditError, RunDir, lights::Lighting, picture, write_whole},
     film::{exr::write_exr, image_file::write_png},
     integrator::{Integrator, Observer, RenderError, aov},
     math::{display::LuminanceMode, hash::hash_words},
@@ -166,6 +166,17 @@ impl From<crate::film::image_file::ImageFileError> for RunError {
     }
 }
 
+/// What is optimised for one job.
+struct Problem<'a> {
+    scene: &'a mut Scene,
+    camera: &'a Camera,
+    objective: &'a Objective,
+    variables: &'a ParamVector,
+    aovs: &'a aov::Aovs,
+    options: &'a RunOptions,
+    target: &'a Target,
+}
+
 /// Follows a run.
 pub trait Reporter: Observer {
     /// A fact worth a line.
@@ -273,50 +284,34 @@ pub fn run(
         let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
         let starts = survey::starts(scene, &unit, &aovs.mask, &variables, means, options.luminance);
         let x0 = variables.decode(&variables.start());
-        let (initial, found) = match &mut engine {
-            Some(engine) => {
-                let problem = basis::Problem {
-                    scene,
-                    camera: &camera,
-                    objective,
-                    variables: &variables,
-                    aovs: &aovs,
-                    options,
-                    target: &job.target,
-                };
-                let initial = basis::estimate(engine, &problem, &variables.start())?;
-                reporter.note(&format!(
-                    "{}: start: f_q {:.4} ± {:.4}",
-                    job.target.name(),
-                    initial.evaluation.f_q,
-                    initial.error_bar()
-                ));
-                (initial, basis::optimise(engine, &starts, problem, &mut dir, &mut renders, reporter)?)
-            }
+        let mut problem = Problem {
+            scene: &mut *scene,
+            camera: &camera,
+            objective,
+            variables: &variables,
+            aovs: &aovs,
+            options,
+            target: &job.target,
+        };
+        let initial = match &engine {
+            Some(engine) => basis::estimate(engine, &problem, &variables.start())?,
+            None => measure(&mut problem, &x0, Purpose::Initial, "measuring the start", reporter)?,
+        };
+        reporter.note(&format!(
+            "{}: start: f_q {:.4} ± {:.4}",
+            job.target.name(),
+            initial.evaluation.f_q,
+            initial.error_bar()
+        ));
+        let found = match &mut engine {
+            Some(engine) => basis::optimise(engine, &starts, &mut problem, &mut dir, &mut renders, reporter)?,
             None => {
-                let shots = Shots { camera: &camera, objective, variables: &variables, options, reporter };
-                let initial = shots.measure(scene, &x0, Purpose::Initial, "measuring the start")?;
-                reporter.note(&format!(
-                    "start: f_q {:.4} ± {:.4}",
-                    initial.evaluation.f_q,
-                    initial.error_bar()
-                ));
-                let problem = optimise::Problem {
-                    scene,
-                    camera: &camera,
-                    objective,
-                    variables: &variables,
-                    aovs: &aovs,
-                    options,
-                    target: &job.target,
-                };
-                let found = optimise::by_differences(&starts, problem, &mut dir, &mut renders, reporter)?;
-                let x = variables.decode(&found.u);
-                let check =
-                    shots.measure(scene, &x, Purpose::Check, "checking the result with new samples")?;
+                let optimise::Found { u, evaluations, stop } =
+                    optimise::by_differences(&starts, &mut problem, &mut dir, &mut renders, reporter)?;
+                let stage = "checking the result with new samples";
+                let check = measure(&mut problem, &variables.decode(&u), Purpose::Check, stage, reporter)?;
                 renders += 2;
-                let optimise::Found { u, evaluations, stop } = found;
-                (initial, basis::Found { u, check, evaluations, stop, reach: Vec::new() })
+                basis::Found { u, check, evaluations, stop, reach: Vec::new() }
             }
         };
         let x = variables.decode(&found.u);
@@ -344,7 +339,7 @@ pub fn run(
         let last = finale.take(scene, "final", &x, options.final_spp)?;
         renders += 2;
         let value = (!scene.background().is_empty()).then_some(value);
-        write_text(&job.out.join("lights.toml"), &toml::to_string(&Lighting::of(scene, value))?)?;
+        write_whole(&job.out.join("lights.toml"), toml::to_string(&Lighting::of(scene, value))?)?;
         let seconds = (before + clock.elapsed()).as_secs_f64();
         dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
         reports.push(RunReport {
@@ -388,31 +383,21 @@ fn unit_picture(
     Ok(shot.picture)
 }
 
-/// Takes the renders whose f_q is reported in paper mode.
-struct Shots<'a, R> {
-    camera: &'a Camera,
-    objective: &'a Objective,
-    variables: &'a ParamVector,
-    options: &'a RunOptions,
-    reporter: &'a R,
-}
-
-impl<R: Reporter> Shots<'_, R> {
-    fn measure(
-        &self,
-        scene: &mut Scene,
-        x: &[f64],
-        purpose: Purpose,
-        stage: &str,
-    ) -> Result<JackknifeEstimate, RunError> {
-        let Self { camera, objective, variables, options, reporter } = *self;
-        reporter.stage(stage, Some(u64::from(options.work_size.y * CHECK_REPLICATES)));
-        variables.apply(scene, x);
-        let spp = CHECK_FACTOR * options.spp;
-        let seed = seed_for(options.seed, purpose);
-        let shot = camera.shoot(scene, seed, spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
-        Ok(shot.measure(objective)?.estimate)
-    }
+/// Takes a render whose f_q is reported in paper mode.
+fn measure(
+    problem: &mut Problem,
+    x: &[f64],
+    purpose: Purpose,
+    stage: &str,
+    reporter: &impl Reporter,
+) -> Result<JackknifeEstimate, RunError> {
+    let Problem { scene, camera, objective, variables, options, .. } = problem;
+    reporter.stage(stage, Some(u64::from(options.work_size.y * CHECK_REPLICATES)));
+    variables.apply(scene, x);
+    let spp = CHECK_FACTOR * options.spp;
+    let seed = seed_for(options.seed, purpose);
+    let shot = camera.shoot(scene, seed, spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
+    Ok(shot.measure(objective)?.estimate)
 }
 
 /// An interrupt ends the optimisation; what was found is still rendered.

@@ -5,14 +5,12 @@ use std::{ops::ControlFlow, time::Instant};
 
 use serde_json::json;
 
-use super::{Camera, Progress, Purpose, Reporter, RunError, RunOptions, Shot, attribute, seed_for};
+use super::{Problem, Progress, Purpose, Reporter, RunError, Shot, attribute, seed_for};
 use crate::{
     audit::{RunDir, picture},
-    integrator::{RenderError, aov::Aovs},
-    objective::{Objective, Smoothing},
+    integrator::RenderError,
+    objective::Smoothing,
     optim::{self, Interrupt, OptimError, StopReason, difference},
-    params::ParamVector,
-    scene::Scene,
 };
 
 /// One of the restarts.
@@ -37,17 +35,6 @@ const REPLICATES: u32 = 4;
 const NOISE_POINTS: usize = 7;
 const NOISE_SPACING: f64 = 1e-3;
 
-/// What is optimised.
-pub struct Problem<'a> {
-    pub scene: &'a mut Scene,
-    pub camera: &'a Camera,
-    pub objective: &'a Objective,
-    pub variables: &'a ParamVector,
-    pub aovs: &'a Aovs,
-    pub options: &'a RunOptions,
-    pub target: &'a crate::objective::Target,
-}
-
 /// What was found.
 pub struct Found {
     /// Best point, in the unit cube.
@@ -58,8 +45,8 @@ pub struct Found {
     pub stop: StopReason,
 }
 
-struct Search<'a, R> {
-    problem: Problem<'a>,
+struct Search<'a, 'b, R> {
+    problem: &'a mut Problem<'b>,
     dir: &'a mut RunDir,
     renders: &'a mut u64,
     reporter: &'a R,
@@ -73,7 +60,7 @@ struct Search<'a, R> {
 /// Optimises from the best of `starts`.
 pub fn by_differences(
     starts: &[(String, Vec<f64>)],
-    problem: Problem<'_>,
+    problem: &mut Problem<'_>,
     dir: &mut RunDir,
     renders: &mut u64,
     reporter: &impl Reporter,
@@ -142,9 +129,9 @@ pub fn by_differences(
     Ok(Found { u, evaluations: search.evaluations, stop })
 }
 
-impl<R: Reporter> Search<'_, R> {
+impl<R: Reporter> Search<'_, '_, R> {
     fn shoot(&mut self, u: &[f64], purpose: Purpose) -> Result<Shot, RunError> {
-        let Problem { scene, camera, variables, options, .. } = &mut self.problem;
+        let Problem { scene, camera, variables, options, .. } = &mut *self.problem;
         variables.apply(scene, &variables.decode(u));
         *self.renders += 1;
         Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
@@ -210,7 +197,7 @@ impl<R: Reporter> Search<'_, R> {
         })?;
         self.evaluations += 1;
 
-        let Problem { scene, variables, options, aovs, target, .. } = &mut self.problem;
+        let Problem { scene, variables, options, aovs, target, .. } = &mut *self.problem;
         let x = variables.decode(u);
         let f_q = measured.plain.f_q;
         let line = json!({

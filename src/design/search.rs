@@ -93,8 +93,7 @@ pub fn search(
         .into_par_iter()
         .map(|i| {
             let descent = descend(reduced, &trials[i].start, &STAGES[..2], COARSE_EVALUATIONS, cancelled)?;
-            let f = descent.evaluations.last().map_or(f64::INFINITY, |_| descent.best);
-            Ok((i, descent.u, f))
+            Ok((i, descent.u, descent.best))
         })
         .collect::<Result<_, OptimError>>()?;
     coarse.sort_by(|a, b| a.2.total_cmp(&b.2));

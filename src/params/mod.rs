@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::{
     math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
     scene::Scene,
+    transport::LightingPoint,
 };
 
 /// What a variable changes.
@@ -23,6 +24,17 @@ pub enum VariableKind {
     Size(usize),
     /// Value factor of the background materials.
     Background,
+}
+
+impl VariableKind {
+    /// What it changes in a lighting.
+    pub fn of(self, x: &mut LightingPoint) -> &mut f64 {
+        match self {
+            Self::Radiance(l) => &mut x.radiance[l],
+            Self::Size(l) => &mut x.size[l],
+            Self::Background => &mut x.value,
+        }
+    }
 }
 
 /// How `u ∈ [0, 1]` maps to a value between the bounds.
@@ -143,6 +155,15 @@ impl ParamVector {
     pub fn background_value(&self, values: &[f64]) -> Option<f64> {
         let i = self.variables.iter().position(|v| v.kind == VariableKind::Background)?;
         values.get(i).copied()
+    }
+
+    /// The lighting `x` with the values.
+    #[must_use]
+    pub fn lighting(&self, mut x: LightingPoint, values: &[f64]) -> LightingPoint {
+        for (v, &value) in self.variables.iter().zip(values) {
+            *v.kind.of(&mut x) = value;
+        }
+        x
     }
 
     /// Gives a scene the values.

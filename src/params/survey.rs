@@ -101,7 +101,7 @@ pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<SizeBounds>, Vec
 /// Bounds of the background's value factor; `None` without background.
 #[must_use]
 pub fn value_range(scene: &Scene) -> Option<[f32; 2]> {
-    let brightest = scene.background().iter().map(|&m| scene.materials[m].max_albedo()).fold(0.0, f32::max);
+    let brightest = scene.background_albedo();
     if brightest <= 0.0 {
         return None;
     }

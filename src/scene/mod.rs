@@ -168,17 +168,12 @@ impl Scene {
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         let m = &self.mesh;
-        let float = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-        let vectors = m.positions.iter().chain(&m.normals).flat_map(|v| float(&v.to_array()));
-        let uvs = m.uvs.iter().flat_map(|v| float(&v.to_array()));
+        let vectors = m.positions.iter().chain(&m.normals).flat_map(|v| v.to_array());
+        let floats = vectors.chain(m.uvs.iter().flat_map(|v| v.to_array())).flat_map(f32::to_le_bytes);
         let indices = m.indices.iter().flatten().chain(&m.materials).flat_map(|i| i.to_le_bytes());
         let lights: Vec<Light> = self.lights.iter().map(|l| Light { radiance: 1.0, ..l.clone() }).collect();
         let words = format!("{:?} {lights:?} {:?} {:?}", self.materials, self.camera, self.background);
-        hash_words(&[
-            hash_bytes(vectors.chain(uvs)),
-            hash_bytes(indices),
-            hash_bytes(words.into_bytes().into_iter()),
-        ])
+        hash_words(&[hash_bytes(floats), hash_bytes(indices), hash_bytes(words.into_bytes().into_iter())])
     }
 
     /// First surface along a ray with unit direction; one that is less than half
@@ -214,7 +209,10 @@ impl Scene {
             let hit = self.accel.intersect(&Ray { org: from, dir, t_min: 0.0, t_max: f32::INFINITY })?;
             let hit = SurfaceHit { t: passed + hit.t, ..self.surface(&hit, dir) };
             let material = &self.materials[hit.material as usize];
-            if !material.is_translucent() || accept(material.opacity(hit.uv), hit.si.triangle) {
+            if !self.is_translucent
+                || !material.is_translucent()
+                || accept(material.opacity(hit.uv), hit.si.triangle)
+            {
                 return Some(hit);
             }
             from = hit.si.spawn_origin(dir);
@@ -352,6 +350,12 @@ impl Scene {
     #[must_use]
     pub fn background(&self) -> &[usize] {
         &self.background
+    }
+
+    /// Largest channel that a background material's base colour takes at value 1.
+    #[must_use]
+    pub fn background_albedo(&self) -> f32 {
+        self.background.iter().map(|&m| self.materials[m].max_albedo()).fold(0.0, f32::max)
     }
 
     /// The background's value factor.

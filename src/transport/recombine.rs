@@ -1,12 +1,13 @@
 //! Images of a lighting from the basis, and their exact derivatives.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Layout, TransportBasis};
 use crate::film::Picture;
 
 /// A lighting: what the basis leaves open.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightingPoint {
     /// Radiance of each light.
     pub radiance: Vec<f64>,

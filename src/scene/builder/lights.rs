@@ -1,7 +1,7 @@
 //! The lights: those of the sidecar, and the materials that emit.
 
 use std::{
-    collections::{BTreeMap, HashSet},
+    collections::{BTreeSet, HashSet},
     f32::consts::PI,
     sync::Arc,
 };
@@ -66,7 +66,7 @@ impl Builder<'_> {
                 return Err(self.error(format!("lights.{}", l.name), "two lights have this name"));
             }
         }
-        let mut emitters = self.emitters(mesh, materials);
+        let mut unlit: BTreeSet<usize> = (0..materials.len()).collect();
         let mut lights = Vec::new();
         let mut bounds = Vec::new();
         let radiance_free = sidecar.free.contains(Radiance);
@@ -81,15 +81,12 @@ impl Builder<'_> {
             }
         }
         for l in &sidecar.lights {
-            lights.push(self.light(l, materials, &mut emitters, warnings)?);
+            lights.push(self.light(l, mesh, materials, &mut unlit, warnings)?);
             bounds.push(self.light_bounds(sidecar, l)?);
         }
-        for (m, triangles) in emitters {
+        for m in unlit.into_iter().filter(|&m| materials[m].is_emissive()) {
             let material = &materials[m];
-            if !material.is_emissive() {
-                continue;
-            }
-            let Some(shape) = mesh_light(material, triangles) else { continue };
+            let Some(shape) = mesh_light(material, triangles_of(mesh, m)) else { continue };
             let name = unused_name(&material.name, &names);
             names.insert(name.clone());
             lights.push(Light {
@@ -105,23 +102,6 @@ impl Builder<'_> {
             bounds.push(LightBounds { radiance_free, is_from_file: true, ..LightBounds::default() });
         }
         Ok((lights, bounds))
-    }
-
-    /// The triangles of every material, those without area left out.
-    fn emitters(&self, mesh: &Mesh, materials: &[Material]) -> BTreeMap<usize, Vec<EmissiveTriangle>> {
-        let mut emitters: BTreeMap<usize, Vec<EmissiveTriangle>> =
-            (0..materials.len()).map(|m| (m, Vec::new())).collect();
-        for (prim, (indices, m)) in mesh.indices.iter().zip(&mesh.materials).enumerate() {
-            let corners = mesh.corners(prim);
-            let Some(triangles) = emitters.get_mut(&(*m as usize)) else { continue };
-            triangles.push(EmissiveTriangle {
-                prim: prim as u32,
-                corners,
-                uvs: indices.map(|i| mesh.uvs[i as usize]),
-                clearance: interaction::clearance_of(corners),
-            });
-        }
-        emitters
     }
 
     fn light_bounds(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightBounds, SceneError> {
@@ -196,8 +176,9 @@ impl Builder<'_> {
     fn light(
         &self,
         l: &LightSpec,
+        mesh: &Mesh,
         materials: &[Material],
-        emitters: &mut BTreeMap<usize, Vec<EmissiveTriangle>>,
+        unlit: &mut BTreeSet<usize>,
         warnings: &mut Vec<String>,
     ) -> Result<Light, SceneError> {
         let key = |k: &str| format!("lights.{}.{k}", l.name);
@@ -214,12 +195,12 @@ impl Builder<'_> {
                     let known = materials.iter().map(|m| m.name.as_str());
                     return Err(self.unknown_name(&key("material"), name, known));
                 };
-                let Some(triangles) = emitters.remove(&m) else {
+                if !unlit.remove(&m) {
                     let message = format!("another light has the material `{name}`");
                     return Err(self.error(key("material"), message));
-                };
+                }
                 own = materials[m].is_emissive().then(|| materials[m].emission_tint());
-                let shape = mesh_light(&materials[m], triangles);
+                let shape = mesh_light(&materials[m], triangles_of(mesh, m));
                 Shape::Mesh(shape.ok_or_else(|| {
                     self.error(key("material"), format!("no triangle has the material `{name}`"))
                 })?)
@@ -398,6 +379,18 @@ fn has_size(l: &LightSpec) -> bool {
         LightType::Spot => l.radius != Some(0.0),
         _ => false,
     }
+}
+
+/// The triangles of a material, in their order.
+fn triangles_of(mesh: &Mesh, material: usize) -> Vec<EmissiveTriangle> {
+    let its = (0..mesh.indices.len()).filter(|&prim| mesh.materials[prim] as usize == material);
+    its.map(|prim| EmissiveTriangle {
+        prim: prim as u32,
+        corners: mesh.corners(prim),
+        uvs: mesh.indices[prim].map(|i| mesh.uvs[i as usize]),
+        clearance: interaction::clearance_of(mesh.corners(prim)),
+    })
+    .collect()
 }
 
 fn mesh_light(material: &Material, triangles: Vec<EmissiveTriangle>) -> Option<MeshLight> {
