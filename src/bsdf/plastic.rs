@@ -170,7 +170,8 @@ fn diffuse_internal_reflectance(ggx: Option<Ggx>, eta: f32, n: usize, n_quadratu
     let critical = (1.0 - 1.0 / (eta * eta)).sqrt();
     let n = n as u32;
     let reflectance = |mu: f32, i: u32| internal_reflectance_by(eta, ggx, mu, i, n_quadrature);
-    let sum: f64 = (0..n)
+    let terms: Vec<f64> = (0..n)
+        .into_par_iter()
         .map(|i| {
             let x = (i as f32 + 0.5) / n as f32;
             let below = critical * x;
@@ -178,8 +179,8 @@ fn diffuse_internal_reflectance(ggx: Option<Ggx>, eta: f32, n: usize, n_quadratu
             f64::from(reflectance(below, 2 * i) * below * critical)
                 + f64::from(reflectance(above, 2 * i + 1) * above) * f64::from((1.0 - critical) * 2.0 * x)
         })
-        .sum();
-    (2.0 * sum / f64::from(n)) as f32
+        .collect();
+    (2.0 * terms.iter().sum::<f64>() / f64::from(n)) as f32
 }
 
 /// Directional reflectance of a coat of relative IOR `eta` from inside, at

@@ -9,7 +9,7 @@ use glam::UVec2;
 use super::LuminanceArg;
 use crate::{
     camera::{MAX_PIXELS, is_film_size},
-    integrator::{Heuristic, Integrator, IntegratorKind},
+    integrator::{Integrator, IntegratorKind},
     sampler::SamplerKind,
     scene::{self, Scene},
 };
@@ -50,7 +50,7 @@ impl TransportArgs {
         Integrator {
             kind: if self.path { IntegratorKind::Path } else { IntegratorKind::Bdpt },
             max_depth: usize::from(self.max_depth),
-            heuristic: Heuristic::Power,
+            ..Integrator::default()
         }
     }
 

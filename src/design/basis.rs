@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     audit::{RunDir, picture, stored::About},
-    integrator::{Integrator, RenderError, aov::Aovs},
+    integrator::{RenderError, aov::Aovs},
     light::SizeDensity,
     math::hash::{hash_bytes, hash_words},
     objective::{JackknifeEstimate, Objective},
@@ -175,8 +175,7 @@ impl Engine {
         let seed = seed_for(options.seed, Purpose::Optimise);
         let stored = options.cache.as_ref().map(|directory| {
             plan.open(scene);
-            let Integrator { kind, max_depth, heuristic } = camera.integrator;
-            let sampling = format!("{kind:?} {max_depth} {heuristic:?} {:?} {seed}", camera.sampler);
+            let sampling = format!("{:?} {:?} {seed}", camera.integrator, camera.sampler);
             let words = format!("{layout:?} {sampling} {REPLICATES} {}", env!("LIGHTOPT_COMMIT"));
             let key = hash_words(&[scene.fingerprint(), hash_bytes(words.bytes())]);
             (directory.join(format!("{}-{key:016x}.basis", scene.name)), 0)

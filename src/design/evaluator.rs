@@ -30,6 +30,8 @@ pub struct Scratch {
     /// Linear luminance by replicate, later its adjoint.
     replicates: Vec<Vec<f64>>,
     mean: Vec<f64>,
+    /// Mean with a replicate left out.
+    linear: Vec<f64>,
     /// Display luminance and its slope: of the mean, and with each replicate left out.
     display: Vec<Vec<f64>>,
     slopes: Vec<Vec<f64>>,
@@ -46,7 +48,7 @@ impl Evaluator<'_> {
 
     /// Images of the replicates, encoded for the display: the mean and the means
     /// that leave one out.
-    fn images(&self, r: &Recombination, scratch: &mut Scratch, slopes: bool) {
+    fn images(&self, r: &Recombination, scratch: &mut Scratch) {
         let n = self.basis.layout().n_pixels();
         let count = self.basis.n_replicates();
         for images in [&mut scratch.replicates, &mut scratch.adjoints] {
@@ -59,28 +61,26 @@ impl Evaluator<'_> {
         }
         scratch.mean.clear();
         scratch.mean.resize(n, 0.0);
+        scratch.linear.resize(n, 0.0);
         scratch.adjoint.resize(n, 0.0);
-        for (i, y) in scratch.replicates.iter_mut().enumerate() {
+        let Scratch { replicates, mean, linear, display, slopes, .. } = scratch;
+        let share = 1.0 / count as f64;
+        for (i, y) in replicates.iter_mut().enumerate() {
             self.basis.luminance(i, r, y);
-            for (m, y) in scratch.mean.iter_mut().zip(&*y) {
-                *m += y / count as f64;
+            for (m, y) in mean.iter_mut().zip(&*y) {
+                *m += share * y;
             }
         }
+        let encode = |y: &[f64], l: &mut [f64], slope: &mut [f64]| {
+            self.luminance.encode_all(y, self.exposure, l, slope);
+        };
+        encode(mean, &mut display[0], &mut slopes[0]);
         let (rest, all) = (1.0 / (count as f64 - 1.0), count as f64);
-        for i in 0..=count {
-            let replicate = scratch.replicates.get(i.wrapping_sub(1));
-            let at = |p: usize| match replicate {
-                None => scratch.mean[p],
-                Some(y) => (all * scratch.mean[p] - y[p]) * rest,
-            };
-            let (display, slope) = (&mut scratch.display[i], &mut scratch.slopes[i]);
-            for p in 0..n {
-                if slopes {
-                    (display[p], slope[p]) = self.luminance.encode_with_derivative(at(p), self.exposure);
-                } else {
-                    display[p] = self.luminance.encode(at(p), self.exposure);
-                }
+        for (i, y) in replicates.iter().enumerate() {
+            for ((left, &m), &y) in linear.iter_mut().zip(&*mean).zip(y) {
+                *left = (all * m - y) * rest;
             }
+            encode(linear, &mut display[i + 1], &mut slopes[i + 1]);
         }
     }
 
@@ -98,7 +98,7 @@ impl Evaluator<'_> {
     ) -> Result<f64, ObjectiveError> {
         let x = self.variables.decode(u);
         let recombination = Recombination::new(self.basis.layout(), &self.lighting(&x));
-        self.images(&recombination, scratch, gradient.is_some());
+        self.images(&recombination, scratch);
         let one_out: Vec<&[f64]> = scratch.display[1..].iter().map(Vec::as_slice).collect();
         let Some(gradient) = gradient else {
             let f =
@@ -140,7 +140,7 @@ impl Evaluator<'_> {
     /// With fewer than two replicates.
     pub fn estimate(&self, u: &[f64], scratch: &mut Scratch) -> Result<JackknifeEstimate, ObjectiveError> {
         let x = self.variables.decode(u);
-        self.images(&Recombination::new(self.basis.layout(), &self.lighting(&x)), scratch, false);
+        self.images(&Recombination::new(self.basis.layout(), &self.lighting(&x)), scratch);
         let mut statistics = scratch.display.iter().map(|l| self.objective.statistics(l, Ramp::Linear));
         let full = statistics.next().ok_or(ObjectiveError::TooFewReplicates { replicates: 0 })?;
         let one_out: Vec<_> = statistics.collect();

@@ -7,6 +7,7 @@
 
 pub mod aov;
 pub mod bdpt;
+mod direct;
 pub mod path;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -65,13 +66,24 @@ pub struct Integrator {
     pub max_depth: usize,
     /// Weights of the bidirectional strategies.
     pub heuristic: Heuristic,
+    /// Samples of the lights at every vertex of a camera path, at least 1.
+    pub light_samples: u32,
 }
 
 impl Default for Integrator {
     fn default() -> Self {
-        Self { kind: IntegratorKind::Bdpt, max_depth: 8, heuristic: Heuristic::Power }
+        Self {
+            kind: IntegratorKind::Bdpt,
+            max_depth: 8,
+            heuristic: Heuristic::Power,
+            light_samples: LIGHT_SAMPLES,
+        }
     }
 }
+
+/// Default of [`Integrator::light_samples`]: on the fruit basket's transport basis four take
+/// a quarter more time than one and leave a sixth of the variance.
+pub const LIGHT_SAMPLES: u32 = 4;
 
 /// Which samples of which sequence to take.
 #[derive(Clone, Copy, Debug)]
@@ -225,6 +237,7 @@ pub struct Values<const N: usize>(pub [f32; N]);
 
 impl<const N: usize> Values<N> {
     /// Throughput after a scattering at `si`.
+    #[inline]
     fn scatter(&self, beta: &NodeRgb<N>, f: Affine, si: &SurfaceInteraction) -> NodeRgb<N> {
         if si.is_background {
             NodeRgb(std::array::from_fn(|k| beta.0[k] * f.at(self.0[k])))

@@ -5,7 +5,7 @@
 
 use glam::UVec2;
 
-use super::{Heuristic, Integrator, Strategy, Values, film_position, roulette};
+use super::{Heuristic, Integrator, Strategy, Values, direct::LightChoice, film_position, roulette};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
@@ -38,7 +38,8 @@ pub fn sample<const N: usize>(
                 return;
             }
             let mis_weight = pdf.map_or(1.0, |p| {
-                let nee = scene.light_sampler.pmf(id).0 * light.pdf_li(org, &c.at).0;
+                let n = integrator.samples_at(n_edges - 1) as f32;
+                let nee = n * scene.light_sampler.pmf(id).0 * light.pdf_li(org, &c.at).0;
                 weight(integrator.heuristic, p.0, nee)
             });
             recorder.add(&Contribution {
@@ -73,7 +74,7 @@ pub fn sample<const N: usize>(
     }
 }
 
-/// Samples one light from `si` and records what it sends.
+/// Samples lights from `si` and records what they send.
 #[allow(clippy::too_many_arguments)]
 fn next_event<const N: usize>(
     integrator: &Integrator,
@@ -86,33 +87,33 @@ fn next_event<const N: usize>(
     n_edges: usize,
     recorder: &mut impl Recorder<N>,
 ) {
-    let u_light = connection.next_1d();
-    let u = connection.next_2d();
-    let _spare = connection.next_1d();
+    let choices = integrator.choose_lights(scene, connection);
     if !si.bsdf.has_non_delta() {
         return;
     }
-    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
-    let light = &scene.lights[id as usize];
-    let Some(l) = light.sample_li(si.p, u) else { return };
-    let f = si.scatter(wo, l.wi, TransportMode::Radiance);
-    let value = nodes.scatter(beta, f, si).times(l.radiance / (l.pdf.0 * pmf.0));
-    if value.is_zero() {
-        return;
+    for LightChoice { id, expected, u } in choices {
+        let light = &scene.lights[id as usize];
+        let Some(l) = light.sample_li(si.p, u) else { continue };
+        let density = l.pdf.0 * expected;
+        let f = si.scatter(wo, l.wi, TransportMode::Radiance);
+        let value = nodes.scatter(beta, f, si).times(l.radiance / density);
+        if value.is_zero() {
+            continue;
+        }
+        let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
+        if value.is_zero() {
+            continue;
+        }
+        let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
+        let mis_weight = weight(integrator.heuristic, density, hit_pdf);
+        recorder.add(&Contribution {
+            light: id,
+            at: l.at,
+            value: value.scaled(mis_weight),
+            strategy: Strategy::new(1, n_edges + 1),
+            mis_weight,
+        });
     }
-    let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
-    if value.is_zero() {
-        return;
-    }
-    let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
-    let mis_weight = weight(integrator.heuristic, l.pdf.0 * pmf.0, hit_pdf);
-    recorder.add(&Contribution {
-        light: id,
-        at: l.at,
-        value: value.scaled(mis_weight),
-        strategy: Strategy::new(1, n_edges + 1),
-        mis_weight,
-    });
 }
 
 /// Weight of the strategy with density `p` against one with density `q`.

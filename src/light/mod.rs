@@ -31,7 +31,7 @@ mod sphere;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{AreaPdf, Frame, Pmf, Rgb, SolidAnglePdf, luminance};
+use crate::math::{AreaPdf, Frame, ONE_MINUS_EPSILON, Pmf, Rgb, SolidAnglePdf, luminance};
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
@@ -322,12 +322,15 @@ impl LightSampler {
         Self { pmf, cdf }
     }
 
-    /// Chooses a light by `u` in [0, 1); `None` without lights.
+    /// Chooses a light by `u` in [0, 1), and gives what is left of `u`, again
+    /// uniform in [0, 1); `None` without lights.
     #[must_use]
-    pub fn sample(&self, u: f32) -> Option<(LightId, Pmf)> {
+    pub fn sample(&self, u: f32) -> Option<(LightId, Pmf, f32)> {
         let last = self.cdf.len().checked_sub(1)?;
         let i = self.cdf.partition_point(|&c| c <= u).min(last);
-        Some((i as LightId, Pmf(self.pmf[i])))
+        let below = i.checked_sub(1).map_or(0.0, |j| self.cdf[j]);
+        let rest = ((u - below) / self.pmf[i]).clamp(0.0, ONE_MINUS_EPSILON);
+        Some((i as LightId, Pmf(self.pmf[i]), rest))
     }
 
     /// Probability of choosing light `i`.

@@ -15,7 +15,7 @@
 mod gradient;
 pub mod histogram;
 pub mod jackknife;
-mod mean;
+mod moments;
 mod region;
 pub mod signature;
 pub mod smoothing;
@@ -26,7 +26,6 @@ pub mod target;
 mod testing;
 #[cfg(test)]
 mod tests;
-mod variance;
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
@@ -268,8 +267,8 @@ impl Objective {
     #[must_use]
     pub fn statistics(&self, l: &[f64], ramp: Ramp) -> Statistics {
         assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
-        let means = mean::means(l, &self.regions);
-        let [var_obj, var_back] = variance::variances(l, means, &self.regions);
+        let means = moments::means(l, &self.regions);
+        let [var_obj, var_back] = moments::variances(l, means, &self.regions);
         Statistics {
             mean_obj: means[0],
             mean_back: means[1],
@@ -350,10 +349,10 @@ impl Objective {
         assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
         assert_eq!(out.len(), self.n_pixels(), "the adjoint must have the objective's size");
         let regions = &self.regions;
-        mean::add_adjoint(regions, [weight * dz.mean_obj, weight * dz.mean_back], out);
         let means = [z.mean_obj, z.mean_back];
+        let d_mean = [weight * dz.mean_obj, weight * dz.mean_back];
         let d_var = [weight * dz.var_obj, weight * dz.var_back];
-        variance::add_adjoint(l, means, regions, d_var, out);
+        moments::add_adjoint(l, means, regions, d_mean, d_var, out);
         gradient::add_adjoint(l, regions, weight * dz.grad2, out);
         histogram::add_adjoint(l, ramp, &dz.cumulated.map(|d| weight * d), out);
     }

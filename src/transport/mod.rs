@@ -17,6 +17,7 @@
 //! of a light being its knots; a light whose size is not free has a single cell.
 
 mod film;
+mod kernels;
 pub mod knots;
 pub mod nodes;
 mod recombine;

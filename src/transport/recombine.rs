@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Layout, TransportBasis};
+use super::{Layout, TransportBasis, kernels};
 use crate::film::Picture;
 
 /// A lighting: what the basis leaves open.
@@ -106,15 +106,12 @@ impl TransportBasis {
     /// Linear luminance of a replicate, into `out`.
     pub fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
+        let shining = || r.entries.iter().filter(|e| e.weight != 0.0);
+        let weights: Vec<f64> = shining().map(|e| e.weight * scale).collect();
         for (b, out) in out.chunks_mut(BLOCK).enumerate() {
-            out.fill(0.0);
-            for e in &r.entries {
-                let row = &self.row(replicate, e.row)[b * BLOCK..][..out.len()];
-                let weight = e.weight * scale;
-                for (o, &v) in out.iter_mut().zip(row) {
-                    *o += weight * f64::from(v);
-                }
-            }
+            let rows: Vec<&[f32]> =
+                shining().map(|e| &self.row(replicate, e.row)[b * BLOCK..][..out.len()]).collect();
+            kernels::combine(&rows, &weights, out);
         }
     }
 
@@ -124,11 +121,8 @@ impl TransportBasis {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
         let mut by_weight = vec![0.0; r.entries.len()];
         for (replicate, adjoint) in adjoints.iter().enumerate() {
-            for (b, a) in adjoint.chunks(BLOCK).enumerate() {
-                for (e, d) in r.entries.iter().zip(&mut by_weight) {
-                    *d += scale * dot(a, &self.row(replicate, e.row)[b * BLOCK..][..a.len()]);
-                }
-            }
+            let rows: Vec<&[f32]> = r.entries.iter().map(|e| self.row(replicate, e.row)).collect();
+            kernels::dots(&rows, adjoint, scale, &mut by_weight);
         }
         r.gradient(self.layout(), &by_weight)
     }
@@ -161,17 +155,4 @@ impl TransportBasis {
             .collect();
         Picture { width: layout.size.x as usize, height: layout.size.y as usize, rgb, lights }
     }
-}
-
-/// Σ a·b in eight independent sums.
-fn dot(a: &[f64], b: &[f32]) -> f64 {
-    let mut lanes = [0.0_f64; 8];
-    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, &b)| a * f64::from(b)).sum();
-    for (a, b) in a8.zip(b8) {
-        for i in 0..8 {
-            lanes[i] += a[i] * f64::from(b[i]);
-        }
-    }
-    lanes.iter().sum::<f64>() + rest
 }

@@ -16,7 +16,12 @@ use lightopt_embree::{
 
 use crate::support::{random::Random, scenes};
 
-const PATH: Integrator = Integrator { kind: IntegratorKind::Path, max_depth: 6, heuristic: Heuristic::Power };
+const PATH: Integrator = Integrator {
+    kind: IntegratorKind::Path,
+    max_depth: 6,
+    heuristic: Heuristic::Power,
+    direct_samples: DIRECT,
+};
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 const SIZES: [f32; 2] = [0.1, 1.5];
 const LARGEST_VALUE: f32 = 1.2;

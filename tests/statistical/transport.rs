@@ -15,7 +15,12 @@ use crate::support::{
     scenes,
 };
 
-const PATH: Integrator = Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power };
+const PATH: Integrator = Integrator {
+    kind: IntegratorKind::Path,
+    max_depth: 8,
+    heuristic: Heuristic::Power,
+    direct_samples: DIRECT,
+};
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]

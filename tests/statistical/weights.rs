@@ -75,7 +75,12 @@ fn unweighted(c: &Contribution, scene: &Scene) -> f64 {
 fn every_strategy_has_the_same_mean_per_path_length() {
     // A closed diffuse room around a lamp that every strategy can find, seen whole.
     let scene = strategy_scene();
-    let integrator = Integrator { kind: IntegratorKind::Bdpt, max_depth: 4, heuristic: Heuristic::Power };
+    let integrator = Integrator {
+        kind: IntegratorKind::Bdpt,
+        max_depth: 4,
+        heuristic: Heuristic::Power,
+        direct_samples: DIRECT,
+    };
     let size = scene.camera.size();
     let n_renders = 48;
     let mut means: BTreeMap<Strategy, Moments> = BTreeMap::new();

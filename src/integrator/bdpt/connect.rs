@@ -1,7 +1,7 @@
 //! Joining subpaths: s = 1, t = 1 and the connections between.
 
 use super::{
-    super::{Integrator, Strategy, Values},
+    super::{Integrator, Strategy, Values, direct::LightChoice},
     vertex::Vertex,
 };
 use crate::{
@@ -24,7 +24,7 @@ pub struct Connect<'a, const N: usize> {
 }
 
 impl<const N: usize> Connect<'_, N> {
-    /// s = 1: samples a light point as seen from `z_{t-1}`, t ≥ 2.
+    /// s = 1: samples light points as seen from `z_{t-1}`, t ≥ 2.
     pub fn next_event(
         &self,
         connection: &mut Sampler,
@@ -33,50 +33,54 @@ impl<const N: usize> Connect<'_, N> {
         recorder: &mut impl Recorder<N>,
     ) {
         let Self { integrator, scene, nodes } = *self;
-        let u_light = connection.next_1d();
-        let u = connection.next_2d();
-        let _spare = connection.next_1d();
+        let choices = integrator.choose_lights(scene, connection);
         let z = &camera[t - 1];
         let Some(si) = z.surface() else { return };
         if !z.connectible() {
             return;
         }
-        let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
-        let light = &scene.lights[id as usize];
-        let Some(l) = light.sample_li(z.p, u) else { return };
-        let f = z.scatter(l.wi, TransportMode::Radiance);
-        let value = nodes.scatter(&z.beta, f, si).times(l.radiance / (l.pdf.0 * pmf.0));
-        if value.is_zero() {
-            return;
+        for LightChoice { id, expected, u } in choices {
+            let light = &scene.lights[id as usize];
+            let Some(l) = light.sample_li(z.p, u) else { continue };
+            let f = z.scatter(l.wi, TransportMode::Radiance);
+            let value = nodes.scatter(&z.beta, f, si).times(l.radiance / (l.pdf.0 * expected));
+            if value.is_zero() {
+                continue;
+            }
+            let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
+            if value.is_zero() {
+                continue;
+            }
+            let h = integrator.heuristic;
+            let dist2 = light.distance2(l.at.p, z.p);
+            // Densities of the light point, m⁻², without the light's choice: as sampled here, and
+            // as an origin. Those of a point light are 1.
+            let (p_nee, p_origin, pdf_dir) = {
+                let (origin, dir) = light.pdf_le(&l.at, -l.wi);
+                let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.at.n.dot(l.wi)).0 };
+                (f64::from(nee), f64::from(origin.0), dir)
+            };
+            let s0 = if light.is_delta() {
+                0.0
+            } else {
+                h.apply(
+                    f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(expected)),
+                )
+            };
+            // s >= 2 chooses the light once.
+            let once = f64::from(scene.light_sampler.pmf(id).0 / expected);
+            let r =
+                once * p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
+            let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
+            let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
+            recorder.add(&Contribution {
+                light: id,
+                at: l.at,
+                value: value.scaled(mis_weight),
+                strategy: Strategy::new(1, t),
+                mis_weight,
+            });
         }
-        let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
-        if value.is_zero() {
-            return;
-        }
-        let h = integrator.heuristic;
-        let dist2 = light.distance2(l.at.p, z.p);
-        // Densities of the light point, m⁻²: as sampled here, and as an origin. Those of
-        // a point light are both its selection probability.
-        let (p_nee, p_origin, pdf_dir) = {
-            let (origin, dir) = light.pdf_le(&l.at, -l.wi);
-            let nee = if light.is_delta() { 1.0 } else { l.pdf.to_area(dist2, l.at.n.dot(l.wi)).0 };
-            (f64::from(nee), f64::from(origin.0), dir)
-        };
-        let s0 = if light.is_delta() {
-            0.0
-        } else {
-            h.apply(f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(pmf.0)))
-        };
-        let r = p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
-        let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
-        let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
-        recorder.add(&Contribution {
-            light: id,
-            at: l.at,
-            value: value.scaled(mis_weight),
-            strategy: Strategy::new(1, t),
-            mis_weight,
-        });
     }
 
     /// s ≥ 2, t ≥ 2: connects `y_{s-1}` with `z_{t-1}`.
@@ -188,7 +192,7 @@ impl<const N: usize> Connect<'_, N> {
         let u_light = connection.next_1d();
         let u = connection.next_2d();
         let _spare = connection.next_1d();
-        let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+        let Some((id, pmf, _)) = scene.light_sampler.sample(u_light) else { return };
         let light = &scene.lights[id as usize];
         if light.is_delta() || !light.camera_visible {
             return;

@@ -84,7 +84,8 @@ fn cross_lights<const N: usize>(
         let (origin, emission) = light.pdf_le(&c.at, -walk.dir);
         let partial = walk.partial(h, dist2);
         // s = 1 has its own density of the light point, s >= 2 that of an origin.
-        let s1 = h.apply(p_nee / p_hit) * partial.previous;
+        let n_nee = f64::from(integrator.samples_at(n_edges - 1));
+        let s1 = h.apply(n_nee * p_nee / p_hit) * partial.previous;
         let s2 =
             h.apply(pmf * f64::from(origin.0) / p_hit) * (partial.close(h, emission.0) - partial.previous);
         let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
@@ -112,7 +113,7 @@ pub fn trace_light<'a, const N: usize>(
     let u_pos = sampler.next_2d();
     let u_dir = sampler.next_2d();
     let _spare = sampler.next_2d();
-    let Some((id, pmf)) = scene.light_sampler.sample(u_light) else { return };
+    let Some((id, pmf, _)) = scene.light_sampler.sample(u_light) else { return };
     let light = &scene.lights[id as usize];
     let Some(e) = light.sample_le(u_pos, u_dir) else { return };
     let origin = pmf.0 * e.pdf_pos.0;
@@ -199,11 +200,12 @@ impl<const N: usize> Walk<N> {
             let mut mis = self.partial(h, dist2);
             if let Some((id, light)) = light {
                 // c_1 on the light side: the density of y_0 as seen from y_1, over its own.
+                let expected = f64::from(integrator.samples_at(1)) * f64::from(scene.light_sampler.pmf(id).0);
                 mis.previous = if light.is_delta() {
-                    1.0
+                    h.apply(f64::from(integrator.samples_at(1)))
                 } else {
                     let nee = light.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
-                    h.apply(f64::from(scene.light_sampler.pmf(id).0) * f64::from(nee.0) / from.pdf_fwd)
+                    h.apply(expected * f64::from(nee.0) / from.pdf_fwd)
                 };
             }
             let mut vertex = Vertex {

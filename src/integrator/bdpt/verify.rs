@@ -44,17 +44,18 @@ pub fn reference_weight(
     x: &[PathVertex],
     s: usize,
 ) -> f64 {
-    let densities = densities(scene, end, x);
+    let densities = densities(integrator, scene, end, x);
     let h = integrator.heuristic;
     let total: f64 = densities.iter().map(|&p| h.apply(p)).sum();
     h.apply(densities[s]) / total
 }
 
-/// Area-product densities of all strategies of a path, s = 0 first; zero
-/// where the strategy does not exist. Delta densities count as one.
+/// Area-product densities of all strategies of a path, s = 0 first, times the
+/// number of samples; zero where the strategy does not exist. Delta densities count as one.
 #[must_use]
-pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
+pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
     let k = x.len() - 1;
+    let n_light_samples = f64::from(integrator.samples_at(k - 1));
     let light = &scene.lights[end.id as usize];
     let pmf = f64::from(scene.light_sampler.pmf(end.id).0);
     let is_infinite = light.is_infinite();
@@ -109,7 +110,7 @@ pub fn densities(scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
             };
             let light_side: f64 = match s {
                 0 => 1.0,
-                1 => next_event,
+                1 => n_light_samples * next_event,
                 _ => from_light[..s].iter().product(),
             };
             let camera_side: f64 = from_camera[s..].iter().product();

@@ -1,0 +1,45 @@
+//! Next-event estimation: which lights are sampled, and where on them.
+//!
+//! Every vertex gets several samples, stratified over the lights and over the first
+//! coordinate of each, its size: what differs most between them. The multi-sample model
+//! \[Veach97\] 9.2.1 then counts a density as often as it is expected to be sampled.
+
+use glam::Vec2;
+
+use super::Integrator;
+use crate::{light::LightId, sampler::Sampler, scene::Scene};
+
+/// A light to be sampled.
+pub(super) struct LightChoice {
+    pub id: LightId,
+    /// Expected number of samples of this light at this vertex.
+    pub expected: f32,
+    /// Where on it.
+    pub u: Vec2,
+}
+
+impl Integrator {
+    /// Light samples at the end of a camera subpath of `n_edges` edges: the lens gets one.
+    #[must_use]
+    pub(super) fn samples_at(&self, n_edges: usize) -> u32 {
+        if n_edges == 0 { 1 } else { self.light_samples }
+    }
+
+    /// The lights sampled at a vertex, from four dimensions of the sequence.
+    pub(super) fn choose_lights<'a>(
+        &self,
+        scene: &'a Scene,
+        sampler: &mut Sampler,
+    ) -> impl Iterator<Item = LightChoice> + use<'a> {
+        /// The plastic number's inverse: its multiples spread evenly.
+        const STEP: f32 = 0.754_877_7;
+        let (shift, along) = (sampler.next_1d(), sampler.next_1d());
+        let _spare = sampler.next_2d();
+        let n = self.light_samples;
+        (0..n).filter_map(move |i| {
+            let (id, pmf, rest) = scene.light_sampler.sample((i as f32 + shift) / n as f32)?;
+            let u = Vec2::new(rest, (along + i as f32 * STEP).fract());
+            Some(LightChoice { id, expected: pmf.0 * n as f32, u })
+        })
+    }
+}
