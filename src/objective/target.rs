@@ -3,7 +3,8 @@
 //! ```toml
 //! schema = 1
 //! name = "high-key"
-//! signature = "high"         # a built-in one, or a table [signature] with
+//! signature = "high"         # a built-in one; or "FILE.toml#CLASS", of a signature library
+//!                            # (a path beginning at this file); or a table [signature] with
 //!                            #   betas = [{ fraction = 1.0, mean = 0.5, sigma = 0.2 }]
 //!                            # or cumulated = [256 rising values, the last 1]
 //! t_meanObj = 0.47           # display luminance, 0 to 1; likewise t_meanBack,
@@ -60,6 +61,13 @@ pub struct Target {
 }
 
 impl Target {
+    /// A target of measured `values`, in the order of [`Term::ALL`]; the gradient, which alone
+    /// can exceed 1, counts as at most 1.
+    #[must_use]
+    pub fn new(name: impl Into<String>, values: [f64; 5], weights: [f64; 6], signature: Signature) -> Self {
+        Self { name: name.into(), targets: values.map(|v| v.clamp(0.0, 1.0)), weights, signature }
+    }
+
     /// A built-in target by name, else the target file at that path.
     ///
     /// # Errors
@@ -79,7 +87,7 @@ impl Target {
         Self::from_toml(&text, path)
     }
 
-    /// Parses the text of a target file; `path` is for messages only.
+    /// Parses the text of a target file at `path`, where signature libraries begin.
     ///
     /// # Errors
     /// With file and line, when it is no valid target.
@@ -90,7 +98,8 @@ impl Target {
             message: e.message().to_owned(),
         };
         let value: Value = toml::from_str(text).map_err(|e| syntax(&e))?;
-        Self::from_value(&value).map_err(|source| TargetError::Invalid {
+        let base = path.parent().unwrap_or(Path::new(""));
+        Self::from_value_at(&value, base).map_err(|source| TargetError::Invalid {
             path: path.to_owned(),
             line: line_of_key(text, &source.key),
             source,
