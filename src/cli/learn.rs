@@ -17,7 +17,7 @@ use crate::objective::signature::library::{
 use crate::objective::signature::{Shape, Signature};
 use crate::objective::target::PUBLISHED_WEIGHTS;
 use crate::objective::{LuminanceMode, Target};
-use crate::photo::folder::{masks, pictures, sha256};
+use crate::photo::folder::{Listing, list, masks, sha256};
 use crate::photo::learn::{Learned, Measured, confusion, learn};
 use crate::photo::{Photo, PhotoError};
 
@@ -93,6 +93,8 @@ struct Folder {
     name: String,
     photos: Vec<PathBuf>,
     masks: Option<Vec<PathBuf>>,
+    /// What was passed over, for people.
+    note: Option<String>,
 }
 
 /// All that is told about a class.
@@ -119,14 +121,16 @@ pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
         .map(|((folder, records), learned)| outcome(args, folder, records, learned))
         .collect::<anyhow::Result<_>>()?;
     write(args, &outcomes)?;
-    for note in report::notes(&outcomes) {
+    let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
+    notes.extend(report::notes(&outcomes));
+    for note in &notes {
         // Standard error may be closed.
         let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("note: {note}\n"));
     }
     let learned: Vec<Learned> = outcomes.iter().map(|o| o.learned.clone()).collect();
     let confusion = confusion(&learned);
     if args.json {
-        print(&format!("{:#}\n", report::to_json(args, &outcomes, &confusion)))
+        print(&format!("{:#}\n", report::to_json(args, &outcomes, &confusion, &notes)))
     } else {
         print(&report::to_table(args, &outcomes, &confusion))
     }
@@ -140,7 +144,9 @@ fn folders(args: &LearnArgs) -> anyhow::Result<Vec<Folder>> {
     let mut folders: Vec<Folder> = Vec::new();
     for (name, folder) in &args.classes {
         ensure!(folders.iter().all(|f| f.name != *name), "--class: two classes are called `{name}`");
-        folders.push(Folder { name: name.clone(), photos: pictures(folder)?, masks: None });
+        let Listing { pictures, others } = list(folder)?;
+        let note = report::passed_over(folder, &others);
+        folders.push(Folder { name: name.clone(), photos: pictures, masks: None, note });
     }
     if let Some(directory) = &args.masks {
         let all: Vec<PathBuf> = folders.iter().flat_map(|f| f.photos.clone()).collect();

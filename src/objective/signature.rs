@@ -5,7 +5,7 @@
 //!
 //! The built-in ones are neither learned nor the paper's, which were never published: they are
 //! mixtures of Betas with chosen moments. `low` was chosen so that f_hist of images modelled
-//! after the paper's low-key tables is .269, .178, .186 and .115, where the paper reports .278,
+//! after the paper's tables is .269, .178, .186 and .115, where the paper reports .278,
 //! .184, .197 and .125. `high` is \[PG14\] table 1 itself, its means and deviations of object
 //! and background as two Betas, and fits the published values less well.
 

@@ -64,27 +64,39 @@ pub enum FolderError {
     },
 }
 
-/// The pictures in a folder, by the bytes of their names. Sub-folders, hidden files and files
-/// with other endings are passed over.
+/// What is in a folder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listing {
+    /// The pictures, by the bytes of their names; at least one.
+    pub pictures: Vec<PathBuf>,
+    /// Names of the files with endings of no known picture, likewise.
+    pub others: Vec<String>,
+}
+
+/// Lists a folder. Sub-folders and hidden files are passed over.
 ///
 /// # Errors
 /// When the folder cannot be read or has no picture.
-pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>, FolderError> {
+pub fn list(folder: &Path) -> Result<Listing, FolderError> {
     let read = |source| FolderError::Read { path: folder.to_owned(), source };
-    let mut found = Vec::new();
+    let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(read)? {
         let entry = entry.map_err(read)?;
-        let (name, path) = (entry.file_name(), entry.path());
-        let hidden = name.as_encoded_bytes().starts_with(b".");
-        if !hidden && has_picture_ending(&path) && !path.is_dir() {
-            found.push((name, path));
+        let name = entry.file_name();
+        if !name.as_encoded_bytes().starts_with(b".") && !entry.path().is_dir() {
+            files.push(name);
         }
     }
-    found.sort();
-    if found.is_empty() {
+    files.sort();
+    let (pictures, others): (Vec<_>, Vec<_>) =
+        files.into_iter().partition(|name| has_picture_ending(Path::new(name)));
+    if pictures.is_empty() {
         return Err(FolderError::Empty { path: folder.to_owned() });
     }
-    Ok(found.into_iter().map(|(_, path)| path).collect())
+    Ok(Listing {
+        pictures: pictures.into_iter().map(|name| folder.join(name)).collect(),
+        others: others.into_iter().map(|name| name.to_string_lossy().into_owned()).collect(),
+    })
 }
 
 /// The mask of each photograph: the picture of the same name, endings aside, in `folder`.
@@ -92,7 +104,7 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>, FolderError> {
 /// # Errors
 /// When there is none, or more than one, or two photographs would share it.
 pub fn masks(folder: &Path, photos: &[PathBuf]) -> Result<Vec<PathBuf>, FolderError> {
-    let all = pictures(folder)?;
+    let all = list(folder)?.pictures;
     let stem = |path: &Path| path.file_stem().map(OsStr::to_owned);
     let ambiguous = |first: &Path, second: &Path, what| FolderError::Ambiguous {
         first: first.to_owned(),
@@ -134,7 +146,8 @@ mod tests {
             fs::write(directory.path().join(name), "abc").unwrap();
         }
         fs::create_dir(directory.path().join("f.png")).unwrap();
-        let found = pictures(directory.path()).unwrap();
+        let Listing { pictures: found, others } = list(directory.path()).unwrap();
+        assert_eq!(others, ["e", "notes.txt"]);
         let names: Vec<_> = found.iter().map(|p| p.file_name().unwrap().to_str().unwrap()).collect();
         assert_eq!(names, ["a.tiff", "b.JPG", "c.exr"]);
         // The test vector of FIPS 180-2, appendix B.1.

@@ -1,6 +1,7 @@
 //! What `learn-signature` says.
 
 use std::fmt::Write as _;
+use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
@@ -16,16 +17,10 @@ pub(super) fn notes(outcomes: &[Outcome]) -> Vec<String> {
             only.class.name
         ));
     }
-    for Outcome { class, learned, .. } in outcomes {
+    for Outcome { class, .. } in outcomes {
         if class.count == 1 {
             notes.push(format!(
                 "class `{}` has one photograph, so leaving it out leaves nothing to judge it by",
-                class.name
-            ));
-        }
-        if let Some(g) = learned.scalars.map(|s| s[Term::Grad as usize]).filter(|&g| g > 1.0) {
-            notes.push(format!(
-                "class `{}`: the gradient {g:.3} is above 1, the most a target takes; t_grad is 1",
                 class.name
             ));
         }
@@ -33,11 +28,26 @@ pub(super) fn notes(outcomes: &[Outcome]) -> Vec<String> {
     notes
 }
 
+/// That files of a folder were passed over, naming the first.
+pub(super) fn passed_over(folder: &Path, others: &[String]) -> Option<String> {
+    let first = others.first()?;
+    let more = match others.len() - 1 {
+        0 => String::new(),
+        n => format!(" and {n} more"),
+    };
+    Some(format!("{}: passed over what is no picture of a known format: {first}{more}", folder.display()))
+}
+
 fn names(outcomes: &[Outcome]) -> Vec<&str> {
     outcomes.iter().map(|o| o.class.name.as_str()).collect()
 }
 
-pub(super) fn to_json(args: &LearnArgs, outcomes: &[Outcome], confusion: &[Vec<usize>]) -> Value {
+pub(super) fn to_json(
+    args: &LearnArgs,
+    outcomes: &[Outcome],
+    confusion: &[Vec<usize>],
+    notes: &[String],
+) -> Value {
     let by_name = |counts: &Vec<usize>| -> Map<String, Value> {
         names(outcomes).iter().zip(counts).map(|(name, n)| ((*name).to_owned(), json!(n))).collect()
     };
@@ -55,7 +65,7 @@ pub(super) fn to_json(args: &LearnArgs, outcomes: &[Outcome], confusion: &[Vec<u
         "confusion": matrix,
         "judged": judged,
         "right": right,
-        "notes": notes(outcomes),
+        "notes": notes,
     })
 }
 

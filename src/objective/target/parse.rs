@@ -7,7 +7,8 @@ use std::path::Path;
 use serde_json::{Map, Value};
 
 use super::{
-    PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem, TargetProblemReason, WEIGHT_KEYS,
+    MAX_GRADIENT, PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem,
+    TargetProblemReason, WEIGHT_KEYS,
 };
 use crate::files::nearest;
 use crate::objective::signature::library::{Library, split_reference};
@@ -45,9 +46,8 @@ impl Target {
         };
         let mut targets = [0.0; 5];
         for (t, key) in targets.iter_mut().zip(TARGET_KEYS) {
-            *t = number(require(top, &[], key)?, &[key], "a number from 0 to 1", |v| {
-                (0.0..=1.0).contains(&v)
-            })?;
+            let (most, allowed) = range_of(key);
+            *t = number(require(top, &[], key)?, &[key], allowed, |v| (0.0..=most).contains(&v))?;
         }
         let mut weights = PUBLISHED_WEIGHTS;
         if let Some(value) = top.get("weights") {
@@ -64,6 +64,14 @@ impl Target {
         }
         let signature = parse_signature(require(top, &[], "signature")?, base)?;
         Ok(Self { name: name.to_owned(), targets, weights, signature })
+    }
+}
+
+/// The largest value of a scalar target, and the range in words.
+fn range_of(key: &str) -> (f64, &'static str) {
+    match key {
+        "t_grad" => (MAX_GRADIENT, "a number from 0 to 4.47, the largest gradient of a picture"),
+        _ => (1.0, "a number from 0 to 1"),
     }
 }
 
