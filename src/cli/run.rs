@@ -18,7 +18,7 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable, attainable::Reach},
     objective::Term,
     photo::Look,
     scene::sidecar::{FreeKind, FreeVariables},
@@ -258,6 +258,20 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     Ok(wanted)
 }
 
+/// What of each term the lights reach, the lights found among them.
+fn reach(r: &RunReport) -> Vec<Reach> {
+    let with_found = |reach: &Reach| {
+        let found = r.check.evaluation.get(reach.term);
+        Reach {
+            floor: reach.floor.min(found.f),
+            least: reach.least.min(found.value),
+            largest: reach.largest.max(found.value),
+            ..reach.clone()
+        }
+    };
+    r.reach.iter().map(with_found).collect()
+}
+
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     json!({
         "target": job.target.name(),
@@ -270,7 +284,7 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "renders": r.renders,
         "evaluations": r.evaluations,
         "seconds": r.seconds,
-        "attainable": attainable::to_json(&r.reach),
+        "attainable": attainable::to_json(&reach(r)),
         "caution": r.caution,
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
@@ -307,7 +321,7 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         );
     }
     let _ = writeln!(text);
-    let counting: Vec<_> = r.reach.iter().filter(|reach| target.weight(reach.term) > 0.0).cloned().collect();
+    let counting: Vec<Reach> = reach(r).into_iter().filter(|t| target.weight(t.term) > 0.0).collect();
     for line in attainable::in_words(&counting).iter().chain(&r.caution) {
         let _ = writeln!(text, "{line}");
     }
