@@ -266,7 +266,7 @@ fn reach(r: &RunReport) -> Vec<Reach> {
             floor: reach.floor.min(found.f),
             least: reach.least.min(found.value),
             largest: reach.largest.max(found.value),
-            ..reach.clone()
+            ..*reach
         }
     };
     r.reach.iter().map(with_found).collect()
