@@ -28,6 +28,7 @@
 //! | [`integrator`] | path tracing, bidirectional path tracing |
 //! | [`params`] | the free variables, their bounds and start |
 //! | [`objective`] | f_q, its terms and targets |
+//! | [`photo`] | photographs as looks, signatures learned from them |
 //! | [`optim`] | NLopt's L-BFGS, differences |
 //! | [`audit`] | the run directory |
 //! | [`design`] | a whole run |
@@ -73,6 +74,8 @@
 //!   2023.
 //! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*,
 //!   Pacific Graphics short papers, 2014.
+//! - \[Peyre19\] G. Peyré, M. Cuturi, *Computational Optimal Transport*, Found. Trends Mach.
+//!   Learn. 11(5-6), 2019.
 //! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
 //!   CGF 13(3), 1994.
 //! - \[Shirley97\] P. Shirley, K. Chiu, *A Low Distortion Map Between Disk and Square*, JGT
@@ -113,6 +116,7 @@ pub mod math;
 pub mod objective;
 pub mod optim;
 pub mod params;
+pub mod photo;
 pub mod sampler;
 pub mod scene;
 pub mod transport;

@@ -59,12 +59,23 @@ impl TransportArgs {
     /// # Errors
     /// Those of `f`, or when threads cannot be made.
     pub fn in_pool<T: Send>(&self, f: impl FnOnce() -> anyhow::Result<T> + Send) -> anyhow::Result<T> {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(self.threads.map_or(0, usize::from))
-            .build()
-            .context("cannot start threads")?;
-        pool.install(f)
+        in_pool(self.threads, f)
     }
+}
+
+/// Runs `f` on that many threads, by default one for each processor.
+///
+/// # Errors
+/// Those of `f`, or when threads cannot be made.
+pub fn in_pool<T: Send>(
+    threads: Option<u16>,
+    f: impl FnOnce() -> anyhow::Result<T> + Send,
+) -> anyhow::Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, usize::from))
+        .build()
+        .context("cannot start threads")?;
+    pool.install(f)
 }
 
 /// Parses `WxH`.

@@ -14,6 +14,7 @@ use crate::film::image_file::{
     LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
 };
 use crate::objective::{Evaluation, LuminanceMode, Objective, Target, Term};
+use crate::photo::Look;
 
 /// Measure a picture against a target and print f_q with its six terms
 ///
@@ -27,18 +28,27 @@ use crate::objective::{Evaluation, LuminanceMode, Objective, Target, Term};
 ///
 /// EXR pictures written by this program bring target, mask, exposure and luminance mode;
 /// options override them. Any other picture needs --target and --mask.
+///
+/// A photograph may be the target: its brightness histogram is the signature. With --target-mask all
+/// terms are measured on it, without only the histogram counts. It is reduced to the size of IMAGE.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree evaluate runs/still-high-key/final.exr\n  \
-    lightopt-embree evaluate photo.png --mask object.png --target low-key --json")]
+    lightopt-embree evaluate photo.png --mask object.png --target low-key --json\n  \
+    lightopt-embree evaluate runs/still-portrait/final.exr --target portrait.jpg --target-mask face.png")]
 pub struct EvaluateArgs {
     /// Picture to measure: EXR (linear), or PNG, JPEG, TIFF (sRGB)
     #[arg(value_name = "IMAGE")]
     pub image: PathBuf,
 
-    /// Built-in target (high-key, low-key) or path of a target file (TOML)
+    /// Built-in target (high-key, low-key), target file (TOML), photograph, or LIBRARY.toml#CLASS
     #[arg(long, value_name = "NAME|FILE")]
     pub target: Option<String>,
+
+    /// Mask of the main object of the photograph that is the target, of its size (upright): white on
+    /// the object [default: that of an EXR of this program]
+    #[arg(long, value_name = "FILE", requires = "target")]
+    pub target_mask: Option<PathBuf>,
 
     /// Mask of the main object, of the picture's size: white on the object (PNG or EXR)
     #[arg(long, value_name = "FILE")]
@@ -83,8 +93,9 @@ struct Subject {
 /// When a file cannot be read or does not fit, or something needed is not known.
 pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     // A wrong target name should not wait for a large picture.
-    let target = args.target.as_deref().map(Target::resolve).transpose()?;
-    let subject = load(args, target)?;
+    let mask = args.target_mask.as_deref();
+    let look = args.target.as_deref().map(|spec| Look::resolve(spec, mask)).transpose()?;
+    let subject = load(args, look)?;
     let evaluation = measure(&subject, &args.image)?;
     if args.json {
         print(&format!("{:#}\n", to_json(&subject, &evaluation)))
@@ -93,7 +104,7 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     }
 }
 
-fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> {
+fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
     let path = args.image.as_path();
     let exr = if is_exr(path)? { Some(read_exr(path)?) } else { None };
     let picture = match &exr {
@@ -101,8 +112,9 @@ fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> 
         None => read_image(path)?,
     };
     let stored = exr.as_ref().map(|exr| stored(path, exr)).transpose()?.unwrap_or_default();
-    let target = match (target, &stored.target) {
-        (Some(target), _) => target,
+    let luminance = args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default();
+    let target = match (look, &stored.target) {
+        (Some(look), _) => look.into_target(luminance, picture.width.max(picture.height))?,
         (None, Some(value)) => {
             Target::from_value(value).with_context(|| format!("{}: stored target", path.display()))?
         }
@@ -135,7 +147,7 @@ fn load(args: &EvaluateArgs, target: Option<Target>) -> anyhow::Result<Subject> 
         mask,
         target,
         exposure: args.exposure.or(stored.exposure).unwrap_or(1.0),
-        luminance: args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default(),
+        luminance,
         recorded: stored.f_q.filter(|_| as_recorded),
     })
 }

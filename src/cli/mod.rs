@@ -1,8 +1,10 @@
 //! The command line: one file a subcommand.
 
+pub mod classify;
 mod common;
 pub mod evaluate;
 pub mod export;
+pub mod learn;
 mod progress;
 pub mod relight;
 pub mod render;
@@ -31,6 +33,8 @@ enum Command {
     Relight(relight::RelightArgs),
     Scan(scan::ScanArgs),
     Evaluate(evaluate::EvaluateArgs),
+    LearnSignature(learn::LearnArgs),
+    Classify(classify::ClassifyArgs),
     Export(export::ExportArgs),
 }
 
@@ -45,6 +49,8 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Relight(args) => relight::relight(args),
         Command::Scan(args) => scan::scan(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
+        Command::LearnSignature(args) => learn::learn_signature(args),
+        Command::Classify(args) => classify::classify(args),
         Command::Export(args) => export::export(args),
     }
 }

@@ -18,8 +18,9 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable},
-    objective::{Target, Term},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable, attainable::Reach},
+    objective::Term,
+    photo::Look,
     scene::sidecar::{FreeKind, FreeVariables},
 };
 
@@ -29,6 +30,11 @@ use crate::{
 /// picture, rendered with global illumination, comes as close to the target as they allow.
 /// Closeness is f_q, a weighted sum of six terms (see `evaluate --help`); lower is better.
 ///
+/// The look may also be a photograph ("light my scene like this"): its brightness histogram
+/// becomes the signature. With --target-mask its main object is known, and all six terms are
+/// measured on it and count with the published weights; without, the histogram alone counts.
+/// The photograph is measured at the size at which the pictures are optimised (--work-size).
+///
 /// SCENE is a Wavefront OBJ or glTF (.obj, .glb, .gltf). Beside it a sidecar of the same name
 /// ending in .toml gives camera, main object and lights; a glTF may bring its own camera and
 /// lights. A name that is not found is also sought in scenes/; the ending may be left out.
@@ -36,6 +42,7 @@ use crate::{
 #[command(after_help = "Examples:\n  \
     lightopt-embree run fruit_basket.obj\n  \
     lightopt-embree run --target low-key --out runs/dark fruit_basket.obj\n  \
+    lightopt-embree run --target portrait.jpg --target-mask face.png fruit_basket.obj\n  \
     lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
     per iteration, run.toml with all options, and logs of every evaluation.\n\
@@ -46,9 +53,15 @@ pub struct RunArgs {
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
-    /// The look: high-key, low-key, or a target file (TOML; copy one from scenes/targets)
+    /// The look: high-key, low-key, a target file (TOML; copy one from scenes/targets), a photograph
+    /// (JPEG, PNG, TIFF, EXR), or LIBRARY.toml#CLASS (see `learn-signature --help`)
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
+
+    /// Mask of the main object of the photograph that is the target, of its size (upright): white on
+    /// the object [default: that of an EXR of this program]
+    #[arg(long, value_name = "FILE", conflicts_with = "targets")]
+    pub target_mask: Option<PathBuf>,
 
     /// Several looks from one simulation, each recorded in a directory of its own below DIR
     #[arg(long, value_name = "NAME|FILE,…", value_delimiter = ',', conflicts_with = "target")]
@@ -168,20 +181,26 @@ const WORK_WIDTH: u32 = 128;
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // What is wrong with the words should show in the first second.
     let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
-    let jobs = jobs(args, &stem)?;
-    for job in &jobs {
-        crate::audit::RunDir::check(&job.out, args.force)?;
+    let wanted = wanted(args, &stem)?;
+    for (_, out) in &wanted {
+        crate::audit::RunDir::check(out, args.force)?;
     }
     let scene_path = crate::scene::builder::find(&args.scene)?;
     let console = Console::new();
     catch_interrupts("finishing with the best so far")?;
-    let reports = args.transport.in_pool(|| {
+    let done = args.transport.in_pool(|| {
         let mut scene = load_scene(&args.scene, args.exposure, |w| console.note(w))?;
         let size = args.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
             UVec2::new(WORK_WIDTH, height).min(size)
         });
+        let luminance = luminance_mode(args.luminance);
+        let longest = work_size.max_element() as usize;
+        let jobs: Vec<Job> = wanted
+            .into_iter()
+            .map(|(look, out)| Ok(Job { target: look.into_target(luminance, longest)?, out }))
+            .collect::<anyhow::Result<_>>()?;
         let options = RunOptions {
             jobs: jobs.clone(),
             gradient: args.gradient,
@@ -191,7 +210,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
-            luminance: luminance_mode(args.luminance),
+            luminance,
             size,
             work_size,
             spp: args.spp.unwrap_or(match args.gradient {
@@ -204,10 +223,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             max_evaluations: args.max_evaluations,
             force: args.force,
         };
-        Ok(design::run(&mut scene, &scene_path, &options, &console)?)
+        Ok((design::run(&mut scene, &scene_path, &options, &console)?, jobs))
     });
     console.finish();
-    let reports = reports?;
+    let (reports, jobs) = done?;
     let each = reports.iter().zip(&jobs);
     if args.json {
         let mut all: Vec<serde_json::Value> = each.map(|(r, job)| to_json(r, job)).collect();
@@ -219,23 +238,38 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
 }
 
 /// The looks asked for, and where they are recorded.
-fn jobs(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<Job>> {
+fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     let Some(names) = &args.targets else {
-        let target = Target::resolve(&args.target)?;
-        let default = || Path::new("runs").join(format!("{stem}-{}", target.name()));
-        return Ok(vec![Job { out: args.out.clone().unwrap_or_else(default), target }]);
+        let look = Look::resolve(&args.target, args.target_mask.as_deref())?;
+        let default = || Path::new("runs").join(format!("{stem}-{}", look.name()));
+        let out = args.out.clone().unwrap_or_else(default);
+        return Ok(vec![(look, out)]);
     };
     let root = args.out.clone().unwrap_or_else(|| Path::new("runs").join(stem));
-    let mut jobs: Vec<Job> = Vec::new();
+    let mut wanted: Vec<(Look, PathBuf)> = Vec::new();
     for name in names {
-        let target = Target::resolve(name)?;
-        let out = root.join(target.name());
-        if jobs.iter().any(|j| j.out == out) {
-            bail!("--targets: two targets are called `{}`", target.name());
+        let look = Look::resolve(name, None)?;
+        let out = root.join(look.name());
+        if wanted.iter().any(|(_, o)| *o == out) {
+            bail!("--targets: two targets are called `{}`", look.name());
         }
-        jobs.push(Job { target, out });
+        wanted.push((look, out));
     }
-    Ok(jobs)
+    Ok(wanted)
+}
+
+/// What of each term the lights reach, the lights found among them.
+fn reach(r: &RunReport) -> Vec<Reach> {
+    let with_found = |reach: &Reach| {
+        let found = r.check.evaluation.get(reach.term);
+        Reach {
+            floor: reach.floor.min(found.f),
+            least: reach.least.min(found.value),
+            largest: reach.largest.max(found.value),
+            ..*reach
+        }
+    };
+    r.reach.iter().map(with_found).collect()
 }
 
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
@@ -250,7 +284,7 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "renders": r.renders,
         "evaluations": r.evaluations,
         "seconds": r.seconds,
-        "attainable": attainable::to_json(&r.reach),
+        "attainable": attainable::to_json(&reach(r)),
         "caution": r.caution,
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
@@ -287,7 +321,8 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         );
     }
     let _ = writeln!(text);
-    for line in attainable::in_words(&r.reach).iter().chain(&r.caution) {
+    let counting: Vec<Reach> = reach(r).into_iter().filter(|t| target.weight(t.term) > 0.0).collect();
+    for line in attainable::in_words(&counting).iter().chain(&r.caution) {
         let _ = writeln!(text, "{line}");
     }
     if !r.reach.is_empty() {

@@ -11,8 +11,9 @@ use crate::{
     audit::{lights::Lighting, write_whole},
     design::evaluator::{Evaluator, Scratch},
     files::nearest,
-    objective::{JackknifeEstimate, Target, Term},
+    objective::{JackknifeEstimate, Term},
     params::ParamVector,
+    photo::Look,
 };
 
 /// Measure f_q and its terms along a variable, without rendering
@@ -39,7 +40,7 @@ pub struct ScanArgs {
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub steps: u32,
 
-    /// The look: high-key, low-key, or a target file
+    /// The look: high-key, low-key, a target file, a photograph, or LIBRARY.toml#CLASS
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
 
@@ -57,12 +58,14 @@ pub struct ScanArgs {
 /// # Errors
 /// When the basis, the lighting or the variable is wrong, or nothing can be written.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
-    let target = Target::resolve(&args.target)?;
+    let look = Look::resolve(&args.target, None)?;
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         bail!("{}: the table ends in .csv", args.output.display());
     }
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = relight::load(&args.basis)?;
+    let longest = basis.layout().size.max_element() as usize;
+    let target = look.into_target(about.luminance, longest)?;
     let all = about.variables();
     let Some(variable) = all.variables.iter().find(|v| v.name == args.variable) else {
         let names = || all.variables.iter().map(|v| v.name.as_str());

@@ -2,13 +2,17 @@
 //!
 //! In memory a picture is linear Rec.709 RGB, f32. Files of 8 or 16 bits a channel are
 //! taken as sRGB-encoded, float files as linear; what is transparent is laid over black.
+//! Pictures are turned upright as their EXIF orientation says.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
+use image::{
+    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, ImageResult,
+    Limits,
+};
 use thiserror::Error;
 
 use super::exr::{ExrError, ExrImage, ExrPart, read_exr, write_exr};
@@ -114,14 +118,27 @@ pub fn is_exr(path: &Path) -> Result<bool, ImageFileError> {
     Ok(start == EXR_MAGIC)
 }
 
+/// True when a file of this name is read as a picture: its ending is that of a known format.
+#[must_use]
+pub fn has_picture_ending(path: &Path) -> bool {
+    let format = path.extension().and_then(ImageFormat::from_extension);
+    format.is_some_and(|format| format.reading_enabled())
+}
+
 fn decode(path: &Path) -> Result<DynamicImage, ImageFileError> {
     let open = |source| ImageFileError::Open { path: path.to_owned(), source };
     let file = BufReader::new(File::open(path).map_err(open)?);
-    ImageReader::new(file)
-        .with_guessed_format()
-        .map_err(open)?
-        .decode()
-        .map_err(|source| ImageFileError::Decode { path: path.to_owned(), source })
+    let reader = ImageReader::new(file).with_guessed_format().map_err(open)?;
+    upright(reader).map_err(|source| ImageFileError::Decode { path: path.to_owned(), source })
+}
+
+fn upright(reader: ImageReader<BufReader<File>>) -> ImageResult<DynamicImage> {
+    let mut decoder = reader.into_decoder()?;
+    Limits::default().reserve(decoder.total_bytes())?;
+    let orientation = decoder.orientation()?;
+    let mut picture = DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
+    Ok(picture)
 }
 
 /// Reads any known picture as linear RGB; the content decides on the format.

@@ -42,6 +42,16 @@ impl Moments {
     }
 }
 
+/// The median: the mean of the two middle values of an even number; `None` of nothing.
+#[must_use]
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let upper = *sorted.get(sorted.len() / 2)?;
+    let lower = *sorted.get(sorted.len().saturating_sub(1) / 2)?;
+    Some(0.5 * (lower + upper))
+}
+
 /// The normal deviate that is as probable as Student's `t` with `dof` degrees
 /// of freedom, to within 0.02 for `dof` ≥ 5: \[Wallace59\] eq. 4.3.
 #[must_use]
@@ -127,6 +137,14 @@ mod tests {
         }
         assert!((sidak_z(0.05, 1) - 1.959_963_985).abs() < 1e-8);
         assert!(sidak_z(0.01, 1000) > sidak_z(0.01, 1));
+    }
+
+    #[test]
+    fn the_median_is_in_the_middle() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[3.0]), Some(3.0));
+        assert_eq!(median(&[9.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[9.0, 1.0, 2.0, 4.0]), Some(3.0));
     }
 
     #[test]

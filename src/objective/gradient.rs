@@ -98,6 +98,14 @@ mod tests {
     }
 
     #[test]
+    fn no_gradient_exceeds_the_largest_that_targets_take() {
+        // g² is convex, so that its maximum is where all neighbours are black or white.
+        let of = |bits: u32| at(&std::array::from_fn::<f64, 9, _>(|i| f64::from(bits >> i & 1)), 3, 3, 1, 1);
+        let most = (0..512).map(of).fold(0.0, f64::max);
+        assert_eq!(most.sqrt(), crate::objective::target::MAX_GRADIENT);
+    }
+
+    #[test]
     fn a_step_edge_on_five_by_five_is_plain_not_normalised_sobel() {
         let l: Vec<f64> = (0..25).map(|i| if i % 5 < 2 { 0.0 } else { 0.5 }).collect();
         // gx = 4 · 0.5 beside the step, 0 elsewhere, on every row including the borders.

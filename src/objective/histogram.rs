@@ -56,6 +56,13 @@ pub(super) fn add_adjoint(l: &[f64], ramp: Ramp, adjoint: &Cumulated, out: &mut 
     }
 }
 
+/// `f_hist` of eq. (8): distance of the cumulated histogram `q` of a picture to `p` of a
+/// signature. Not symmetric: `q` alone normalises.
+#[must_use]
+pub fn f_hist(p: &Cumulated, q: &Cumulated) -> f64 {
+    distance(p, q, 0.0).0
+}
+
 /// `f_hist` of eq. (8) and its derivative in every `q_i`.
 ///
 /// `epsilon` > 0 smooths: `√q` becomes `√(q+ε)`, and `max(q, 1−q)` = ½ + |q−½| becomes

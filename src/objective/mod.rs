@@ -196,20 +196,8 @@ impl Objective {
     /// When the mask does not fit the size, or leaves the object or the background empty:
     /// their terms would have no value, whatever their weights.
     pub fn new(target: &Target, width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
-        if width == 0 || height == 0 {
-            return Err(ObjectiveError::EmptyPicture { width, height });
-        }
-        if width.checked_mul(height) != Some(mask.len()) {
-            return Err(ObjectiveError::MaskSize { mask: mask.len(), width, height });
-        }
-        if !mask.contains(&true) {
-            return Err(ObjectiveError::EmptyObject);
-        }
-        if !mask.contains(&false) {
-            return Err(ObjectiveError::EmptyBackground);
-        }
         Ok(Self {
-            regions: Regions::new(width, height, mask),
+            regions: Regions::checked(width, height, mask)?,
             targets: target.targets,
             weights: target.weights,
             signature: target.signature.cumulated(),
@@ -266,17 +254,7 @@ impl Objective {
     /// When `l` has another size than the objective.
     #[must_use]
     pub fn statistics(&self, l: &[f64], ramp: Ramp) -> Statistics {
-        assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
-        let means = moments::means(l, &self.regions);
-        let [var_obj, var_back] = moments::variances(l, means, &self.regions);
-        Statistics {
-            mean_obj: means[0],
-            mean_back: means[1],
-            var_obj,
-            var_back,
-            grad2: gradient::mean_squared(l, &self.regions),
-            cumulated: histogram::cumulated(l, ramp),
-        }
+        Statistics::of_regions(l, &self.regions, ramp)
     }
 
     /// f_q and its terms from raw statistics; every `q_i` is clipped to [0, 1], variances

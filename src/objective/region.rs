@@ -1,5 +1,7 @@
 //! The two regions of a picture: the main object and everything else.
 
+use super::ObjectiveError;
+
 /// Which pixels belong to the object, with the counts. Row-major, top row first.
 #[derive(Clone, Debug)]
 pub(super) struct Regions {
@@ -14,6 +16,23 @@ impl Regions {
     pub(super) fn new(width: usize, height: usize, mask: &[bool]) -> Self {
         let n_object = mask.iter().filter(|&&object| object).count();
         Self { width, height, mask: mask.to_vec(), n_object }
+    }
+
+    /// Regions that both have pixels, of a mask that fits the size.
+    pub(super) fn checked(width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
+        if width == 0 || height == 0 {
+            return Err(ObjectiveError::EmptyPicture { width, height });
+        }
+        if width.checked_mul(height) != Some(mask.len()) {
+            return Err(ObjectiveError::MaskSize { mask: mask.len(), width, height });
+        }
+        if !mask.contains(&true) {
+            return Err(ObjectiveError::EmptyObject);
+        }
+        if !mask.contains(&false) {
+            return Err(ObjectiveError::EmptyBackground);
+        }
+        Ok(Self::new(width, height, mask))
     }
 
     pub(super) fn width(&self) -> usize {

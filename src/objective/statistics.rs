@@ -3,7 +3,9 @@
 //! They are what combines over replicates (see [`super::jackknife`]): means, σ², g² and
 //! every `q_i`.
 
-use super::histogram::{BINS, Cumulated};
+use super::histogram::{self, BINS, Cumulated};
+use super::region::Regions;
+use super::{ObjectiveError, Ramp, gradient, moments};
 
 /// Raw statistics of a display-luminance picture; also the gradient of a function of them.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,51 @@ pub struct Statistics {
 }
 
 impl Statistics {
+    /// Statistics of display luminance `l`, `width` × `height` row-major, as the definition
+    /// has them; `mask` is true on the main object.
+    ///
+    /// # Errors
+    /// When the sizes do not fit, or the mask leaves the object or the background empty.
+    ///
+    /// # Panics
+    /// When `l` has another size than the mask.
+    pub fn measure(l: &[f64], width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
+        Ok(Self::of_regions(l, &Regions::checked(width, height, mask)?, Ramp::Linear))
+    }
+
+    /// Statistics of a picture without a mask: all of it is the object, and the background
+    /// has the object's mean and variance.
+    ///
+    /// # Panics
+    /// When `l` is empty or has not `width` × `height` values.
+    #[must_use]
+    pub fn measure_whole(l: &[f64], width: usize, height: usize) -> Self {
+        assert!(!l.is_empty(), "an empty picture has nothing to measure");
+        let whole = Self::of_regions(l, &Regions::new(width, height, &vec![true; l.len()]), Ramp::Linear);
+        Self { mean_back: whole.mean_obj, var_back: whole.var_obj, ..whole }
+    }
+
+    pub(super) fn of_regions(l: &[f64], regions: &Regions, ramp: Ramp) -> Self {
+        assert_eq!(l.len(), regions.mask().len(), "the picture must have the size of its mask");
+        let means = moments::means(l, regions);
+        let [var_obj, var_back] = moments::variances(l, means, regions);
+        Self {
+            mean_obj: means[0],
+            mean_back: means[1],
+            var_obj,
+            var_back,
+            grad2: gradient::mean_squared(l, regions),
+            cumulated: histogram::cumulated(l, ramp),
+        }
+    }
+
+    /// What the five scalar terms measure, in their order: means, σ, and g.
+    #[must_use]
+    pub fn scalars(&self) -> [f64; 5] {
+        let root = |z: f64| z.max(0.0).sqrt();
+        [self.mean_obj, self.mean_back, root(self.var_obj), root(self.var_back), root(self.grad2)]
+    }
+
     /// All zero.
     pub(super) const ZERO: Self = Self {
         mean_obj: 0.0,

@@ -3,11 +3,12 @@
 //! ```toml
 //! schema = 1
 //! name = "high-key"
-//! signature = "high"         # a built-in one, or a table [signature] with
+//! signature = "high"         # a built-in one; or "FILE.toml#CLASS", of a signature library
+//!                            # (a path beginning at this file); or a table [signature] with
 //!                            #   betas = [{ fraction = 1.0, mean = 0.5, sigma = 0.2 }]
 //!                            # or cumulated = [256 rising values, the last 1]
 //! t_meanObj = 0.47           # display luminance, 0 to 1; likewise t_meanBack,
-//!                            # t_varObj, t_varBack (standard deviations), t_grad
+//!                            # t_varObj, t_varBack (standard deviations); t_grad, 0 to 4.47
 //! [weights]                  # >= 0; those left out keep the published value
 //! hist = 1.0
 //! ```
@@ -42,6 +43,9 @@ pub const BUILTIN: [(&str, &str); 2] = [
 /// Weights of the terms as published, in the order of [`Term::ALL`]. \[PG14\] table 1
 pub const PUBLISHED_WEIGHTS: [f64; 6] = [0.5, 0.5, 0.4, 0.4, 0.2, 1.0];
 
+/// √20, the largest gradient of the plain Sobel pair on values in [0, 1].
+pub const MAX_GRADIENT: f64 = 4.472_135_954_999_58;
+
 /// Keys of the five scalar targets, in the order of [`Term::ALL`].
 const TARGET_KEYS: [&str; 5] = ["t_meanObj", "t_meanBack", "t_varObj", "t_varBack", "t_grad"];
 
@@ -60,6 +64,15 @@ pub struct Target {
 }
 
 impl Target {
+    /// A target of measured `values`, in the order of [`Term::ALL`].
+    #[must_use]
+    pub fn new(name: impl Into<String>, values: [f64; 5], weights: [f64; 6], signature: Signature) -> Self {
+        // Rounding may bring a value just beyond what a file may say.
+        let mut targets = values.map(|v| v.clamp(0.0, 1.0));
+        targets[Term::Grad as usize] = values[Term::Grad as usize].clamp(0.0, MAX_GRADIENT);
+        Self { name: name.into(), targets, weights, signature }
+    }
+
     /// A built-in target by name, else the target file at that path.
     ///
     /// # Errors
@@ -79,7 +92,7 @@ impl Target {
         Self::from_toml(&text, path)
     }
 
-    /// Parses the text of a target file; `path` is for messages only.
+    /// Parses the text of a target file at `path`, where signature libraries begin.
     ///
     /// # Errors
     /// With file and line, when it is no valid target.
@@ -90,7 +103,8 @@ impl Target {
             message: e.message().to_owned(),
         };
         let value: Value = toml::from_str(text).map_err(|e| syntax(&e))?;
-        Self::from_value(&value).map_err(|source| TargetError::Invalid {
+        let base = path.parent().unwrap_or(Path::new(""));
+        Self::from_value_at(&value, base).map_err(|source| TargetError::Invalid {
             path: path.to_owned(),
             line: line_of_key(text, &source.key),
             source,
@@ -227,9 +241,14 @@ mod tests {
     #[test]
     fn values_out_of_range_are_refused_with_key_and_range() {
         for (from, to, want) in [
-            ("t_grad = 0.39", "t_grad = 1.2", "`t_grad`: must be a number from 0 to 1, got 1.2"),
-            ("t_grad = 0.39", "t_grad = nan", "`t_grad`: must be a number from 0 to 1"),
-            ("t_grad = 0.39", "t_grad = \"x\"", "`t_grad`: must be a number from 0 to 1"),
+            (
+                "t_grad = 0.39",
+                "t_grad = 4.6",
+                "`t_grad`: must be a number from 0 to 4.47, the largest gradient of a picture, got 4.6",
+            ),
+            ("t_grad = 0.39", "t_grad = nan", "`t_grad`: must be a number from 0 to 4.47"),
+            ("t_grad = 0.39", "t_grad = \"x\"", "`t_grad`: must be a number from 0 to 4.47"),
+            ("t_varObj = 0.24", "t_varObj = 1.2", "`t_varObj`: must be a number from 0 to 1, got 1.2"),
             ("t_grad = 0.39", "", "`t_grad`: is missing"),
             ("hist = 1.0", "hist = -1", "`weights.hist`: must be a number >= 0, got -1"),
             ("schema = 1", "schema = 2", "`schema`: must be 1, got 2"),

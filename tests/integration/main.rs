@@ -9,6 +9,7 @@ mod export;
 mod exr_bytes;
 mod gltf;
 mod loader;
+mod photo;
 mod render;
 mod room;
 mod run;

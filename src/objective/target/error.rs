@@ -12,7 +12,7 @@ pub enum TargetError {
     /// Neither a built-in name nor a file.
     #[error(
         "unknown target `{name}`{}; built in are high-key and low-key, anything else is the path \
-         of a TOML file",
+         of a target file (TOML), of a photograph, or FILE.toml#CLASS of a signature library",
         did_you_mean(*.nearest)
     )]
     Unknown {
@@ -86,12 +86,18 @@ pub enum TargetProblemReason {
         found: String,
     },
     /// No built-in signature of this name.
-    #[error("unknown signature `{name}`{}; built in are {}", did_you_mean(*.nearest), signature::BUILTIN.join(", "))]
+    #[error("unknown signature `{name}`{}; built in are {}, anything else is FILE.toml#CLASS of a library", did_you_mean(*.nearest), signature::BUILTIN.join(", "))]
     UnknownSignature {
         /// What was asked for.
         name: String,
         /// The built-in name it resembles.
         nearest: Option<&'static str>,
+    },
+    /// A library that cannot be used.
+    #[error("{message}")]
+    Library {
+        /// File, key and what is wrong.
+        message: String,
     },
     /// Not a distribution.
     #[error(transparent)]

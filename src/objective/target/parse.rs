@@ -1,13 +1,17 @@
 //! From the content of a target file to a [`Target`], checked key by key.
 
+use std::error::Error;
 use std::fmt;
+use std::path::Path;
 
 use serde_json::{Map, Value};
 
 use super::{
-    PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem, TargetProblemReason, WEIGHT_KEYS,
+    MAX_GRADIENT, PUBLISHED_WEIGHTS, SCHEMA, TARGET_KEYS, TOP_KEYS, Target, TargetProblem,
+    TargetProblemReason, WEIGHT_KEYS,
 };
 use crate::files::nearest;
+use crate::objective::signature::library::{Library, split_reference};
 use crate::objective::signature::{self, BetaComponent, Shape, Signature};
 
 fn problem(key: &[&str], reason: impl Into<TargetProblemReason>) -> TargetProblem {
@@ -25,6 +29,11 @@ impl Target {
     /// # Errors
     /// With the key, when it is no valid target.
     pub fn from_value(value: &Value) -> Result<Self, TargetProblem> {
+        Self::from_value_at(value, Path::new(""))
+    }
+
+    /// [`Target::from_value`] where the paths of signature libraries begin at `base`.
+    pub(super) fn from_value_at(value: &Value, base: &Path) -> Result<Self, TargetProblem> {
         let top = table(value, &[])?;
         check_keys(top, &[], &TOP_KEYS)?;
         let schema = require(top, &[], "schema")?;
@@ -37,9 +46,8 @@ impl Target {
         };
         let mut targets = [0.0; 5];
         for (t, key) in targets.iter_mut().zip(TARGET_KEYS) {
-            *t = number(require(top, &[], key)?, &[key], "a number from 0 to 1", |v| {
-                (0.0..=1.0).contains(&v)
-            })?;
+            let (most, allowed) = range_of(key);
+            *t = number(require(top, &[], key)?, &[key], allowed, |v| (0.0..=most).contains(&v))?;
         }
         let mut weights = PUBLISHED_WEIGHTS;
         if let Some(value) = top.get("weights") {
@@ -54,13 +62,25 @@ impl Target {
                 return Err(expected(&["weights"], "above 0 for at least one term", "zeros"));
             }
         }
-        let signature = parse_signature(require(top, &[], "signature")?)?;
+        let signature = parse_signature(require(top, &[], "signature")?, base)?;
         Ok(Self { name: name.to_owned(), targets, weights, signature })
     }
 }
 
-fn parse_signature(value: &Value) -> Result<Signature, TargetProblem> {
+/// The largest value of a scalar target, and the range in words.
+fn range_of(key: &str) -> (f64, &'static str) {
+    match key {
+        "t_grad" => (MAX_GRADIENT, "a number from 0 to 4.47, the largest gradient of a picture"),
+        _ => (1.0, "a number from 0 to 1"),
+    }
+}
+
+fn parse_signature(value: &Value, base: &Path) -> Result<Signature, TargetProblem> {
     const KEY: &str = "signature";
+    if let Some((file, class)) = value.as_str().and_then(split_reference) {
+        return Library::find(&base.join(file), class)
+            .map_err(|e| problem(&[KEY], TargetProblemReason::Library { message: whole_message(&e) }));
+    }
     if let Some(name) = value.as_str() {
         return Signature::builtin(name).ok_or_else(|| {
             let nearest = nearest(name, signature::BUILTIN);
@@ -96,6 +116,14 @@ fn parse_signature(value: &Value) -> Result<Signature, TargetProblem> {
         }
     };
     Signature::new(name, shape).map_err(|e| problem(&[KEY, key], e))
+}
+
+/// The message of an error with those of its causes.
+fn whole_message(error: &dyn Error) -> String {
+    match error.source() {
+        None => error.to_string(),
+        Some(source) => format!("{error}: {}", whole_message(source)),
+    }
 }
 
 fn parse_betas(list: &[Value]) -> Result<Vec<BetaComponent>, TargetProblem> {

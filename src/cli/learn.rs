@@ -1,0 +1,253 @@
+//! `learn-signature`: signatures, and whole looks, from folders of photographs.
+
+mod report;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use rayon::prelude::*;
+
+use super::{common::in_pool, print};
+use crate::audit::write_whole;
+use crate::files::atomic::probe;
+use crate::objective::signature::library::{
+    Class, LONGEST_SIDE, Library, Method, PhotoRecord, is_class_name,
+};
+use crate::objective::signature::{Shape, Signature};
+use crate::objective::target::PUBLISHED_WEIGHTS;
+use crate::objective::{LuminanceMode, Target};
+use crate::photo::folder::{Listing, list, masks, sha256};
+use crate::photo::learn::{Learned, Measured, confusion, learn};
+use crate::photo::{Photo, PhotoError};
+
+/// Learn signatures of looks from folders of photographs
+///
+/// A signature is the cumulated histogram of brightness that a look has: the mean of those of
+/// its photographs (--barycentre: their Wasserstein barycentre, the mean of the quantile
+/// functions, which keeps peaks sharp where the mean keeps all of them). Every photograph is
+/// turned upright, decoded to linear light, reduced by a box filter to at most --longest-side
+/// pixels, and measured as a display shows it.
+///
+/// How well the signatures tell the looks apart is shown by leaving each photograph out of its
+/// own class and seeing which signature is nearest to it. A photograph is called an outlier when
+/// it is farther from the rest of its class than the median of the class's photographs by more
+/// than 3 * 1.4826 times their median absolute deviation. Outliers are reported, not left out.
+///
+/// With --masks the main object of every photograph is known too, and the folder becomes a whole
+/// look: means and standard deviations of object and background and the object's gradient,
+/// averaged over the photographs, in a target file for each class.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    lightopt-embree learn-signature --class high=photos/high --class low=photos/low -o styles.toml\n  \
+    lightopt-embree classify --signatures styles.toml photo.jpg\n  \
+    lightopt-embree run --target styles.toml#high fruit_basket.obj\n\n\
+    With --masks, beside styles.toml also styles-high.toml and styles-low.toml are written:\n  \
+    lightopt-embree run --target styles-high.toml fruit_basket.obj\n\n\
+    The gradient depends on the size of the pictures: learn with --longest-side 128, the width at\n\
+    which `run` optimises by default, for targets whose gradient counts.\n\
+    In a target file, signature = \"styles.toml#high\" uses the signature with values of your own.")]
+pub struct LearnArgs {
+    /// A look and the folder of its photographs (JPEG, PNG, TIFF, EXR; sub-folders are not searched)
+    #[arg(long = "class", value_name = "NAME=DIR", required = true, value_parser = parse_class)]
+    pub classes: Vec<(String, PathBuf)>,
+
+    /// Folder of masks, white on the main object: for DIR/a.jpg the picture a.png (or another
+    /// ending), of its size
+    #[arg(long, value_name = "DIR")]
+    pub masks: Option<PathBuf>,
+
+    /// Wasserstein barycentre of the histograms instead of their mean
+    #[arg(long)]
+    pub barycentre: bool,
+
+    /// Longest side to which larger photographs are reduced, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = LONGEST_SIDE, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub longest_side: u32,
+
+    /// Signature library to write
+    #[arg(short, long, value_name = "FILE.toml")]
+    pub output: PathBuf,
+
+    /// Print one JSON object in full precision instead of tables
+    #[arg(long)]
+    pub json: bool,
+
+    /// Threads [default: all processors]; does not change the result. Each takes about 20 bytes
+    /// of memory for each pixel of a photograph
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+}
+
+/// Parses `NAME=DIR`.
+fn parse_class(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, folder)) if is_class_name(name) && !folder.is_empty() => {
+            Ok((name.to_owned(), PathBuf::from(folder)))
+        }
+        _ => Err("must be NAME=DIR, with letters, digits, - and _ in the name".to_owned()),
+    }
+}
+
+/// The photographs of a class.
+struct Folder {
+    name: String,
+    photos: Vec<PathBuf>,
+    masks: Option<Vec<PathBuf>>,
+    /// What was passed over, for people.
+    note: Option<String>,
+}
+
+/// All that is told about a class.
+struct Outcome {
+    class: Class,
+    learned: Learned,
+    /// File and target, when there are masks.
+    target: Option<(PathBuf, Target)>,
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// When a photograph or mask is missing or wrong, or a file cannot be written.
+pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
+    let folders = folders(args)?;
+    check_output(args)?;
+    let (records, measured) = in_pool(args.threads, || measure(args, &folders))?;
+    let learned = learn(&measured, method(args));
+    let outcomes: Vec<Outcome> = folders
+        .iter()
+        .zip(records)
+        .zip(learned)
+        .map(|((folder, records), learned)| outcome(args, folder, records, learned))
+        .collect::<anyhow::Result<_>>()?;
+    write(args, &outcomes)?;
+    let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
+    notes.extend(report::notes(&outcomes));
+    for note in &notes {
+        // Standard error may be closed.
+        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("note: {note}\n"));
+    }
+    let learned: Vec<Learned> = outcomes.iter().map(|o| o.learned.clone()).collect();
+    let confusion = confusion(&learned);
+    if args.json {
+        print(&format!("{:#}\n", report::to_json(args, &outcomes, &confusion, &notes)))
+    } else {
+        print(&report::to_table(args, &outcomes, &confusion))
+    }
+}
+
+fn method(args: &LearnArgs) -> Method {
+    if args.barycentre { Method::Barycentre } else { Method::Mean }
+}
+
+fn folders(args: &LearnArgs) -> anyhow::Result<Vec<Folder>> {
+    let mut folders: Vec<Folder> = Vec::new();
+    for (name, folder) in &args.classes {
+        ensure!(folders.iter().all(|f| f.name != *name), "--class: two classes are called `{name}`");
+        let Listing { pictures, others } = list(folder)?;
+        let note = report::passed_over(folder, &others);
+        folders.push(Folder { name: name.clone(), photos: pictures, masks: None, note });
+    }
+    if let Some(directory) = &args.masks {
+        let all: Vec<PathBuf> = folders.iter().flat_map(|f| f.photos.clone()).collect();
+        let mut found = masks(directory, &all)?.into_iter();
+        for folder in &mut folders {
+            folder.masks = Some(found.by_ref().take(folder.photos.len()).collect());
+        }
+    }
+    Ok(folders)
+}
+
+/// Beside `styles.toml` the target of class `high` is `styles-high.toml`.
+fn target_path(output: &Path, class: &str) -> PathBuf {
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy();
+    output.with_file_name(format!("{stem}-{class}.toml"))
+}
+
+fn check_output(args: &LearnArgs) -> anyhow::Result<()> {
+    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        bail!("{}: the signature library ends in .toml", args.output.display());
+    }
+    probe(&args.output)?;
+    for (name, _) in args.classes.iter().filter(|_| args.masks.is_some()) {
+        probe(&target_path(&args.output, name))?;
+    }
+    Ok(())
+}
+
+type MeasuredClasses = (Vec<Vec<PhotoRecord>>, Vec<Vec<Measured>>);
+
+/// Every photograph of every class; the first in order that is wrong is what is reported.
+fn measure(args: &LearnArgs, folders: &[Folder]) -> anyhow::Result<MeasuredClasses> {
+    let mut all = (Vec::new(), Vec::new());
+    for folder in folders {
+        let mask = |i: usize| folder.masks.as_ref().map(|masks| masks[i].as_path());
+        let each = folder.photos.par_iter().enumerate();
+        let done: Vec<anyhow::Result<(PhotoRecord, Measured)>> = each
+            .map(|(i, path)| {
+                let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let record = PhotoRecord { file, sha256: sha256(path)? };
+                Ok((record, measure_one(path, mask(i), args.longest_side as usize)?))
+            })
+            .collect();
+        let (records, measured) = done.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().unzip();
+        all.0.push(records);
+        all.1.push(measured);
+    }
+    Ok(all)
+}
+
+fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> Result<Measured, PhotoError> {
+    let photo = Photo::read(path, mask)?.reduced(longest);
+    if mask.is_none() {
+        // An EXR may bring a mask of its own; whole looks need one of every photograph.
+        return Ok(Measured { cumulated: photo.cumulated(LuminanceMode::Srgb), scalars: None });
+    }
+    let z = photo.measure(LuminanceMode::Srgb)?;
+    Ok(Measured { scalars: Some(z.scalars()), cumulated: z.cumulated })
+}
+
+fn outcome(
+    args: &LearnArgs,
+    folder: &Folder,
+    photos: Vec<PhotoRecord>,
+    learned: Learned,
+) -> anyhow::Result<Outcome> {
+    let outliers = photos.iter().zip(&learned.photos).filter(|(_, judged)| judged.outlier);
+    let class = Class {
+        name: folder.name.clone(),
+        method: method(args),
+        count: photos.len(),
+        outliers: outliers.map(|(record, _)| record.file.clone()).collect(),
+        cumulated: learned.signature.to_vec(),
+        photos,
+    };
+    let target = match learned.scalars {
+        None => None,
+        Some(values) => {
+            let path = target_path(&args.output, &class.name);
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let signature = Signature::new(&class.name, Shape::Cumulated(class.cumulated.clone()))
+                .with_context(|| format!("class `{}`", class.name))?;
+            Some((path, Target::new(name, values, PUBLISHED_WEIGHTS, signature)))
+        }
+    };
+    Ok(Outcome { class, learned, target })
+}
+
+fn write(args: &LearnArgs, outcomes: &[Outcome]) -> anyhow::Result<()> {
+    let classes = outcomes.iter().map(|o| o.class.clone()).collect();
+    write_whole(&args.output, Library::new(args.longest_side, classes).to_toml()?)?;
+    for Outcome { class, target, .. } in outcomes {
+        if let Some((path, target)) = target {
+            let head = format!(
+                "# Learned from {} photographs with masks, reduced to at most {} pixels a side (on which\n\
+                 # t_grad depends); display luminance, 0 to 1. Their names are in the signature library.\n\n",
+                class.count, args.longest_side
+            );
+            write_whole(path, head + &target.to_toml()?)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,143 @@
+//! What a look can be given by: a target, a signature of a library, or a photograph.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::{Photo, PhotoError};
+use crate::film::image_file::has_picture_ending;
+use crate::objective::signature::library::{Library, LibraryError, split_reference};
+use crate::objective::signature::{Shape, Signature, SignatureError};
+use crate::objective::target::{PUBLISHED_WEIGHTS, TargetError};
+use crate::objective::{LuminanceMode, Target};
+
+/// Weights of a look that is a histogram and nothing else.
+const HISTOGRAM_ONLY: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 0.0, PUBLISHED_WEIGHTS[5]];
+
+/// Why there is no look.
+#[derive(Debug, Error)]
+pub enum LookError {
+    /// No target.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// No signature.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
+    /// No photograph.
+    #[error(transparent)]
+    Photo(#[from] PhotoError),
+    /// A whole library where one class is wanted.
+    #[error(
+        "{path}: a signature library holds several looks; choose one: {choices}",
+        path = path.display()
+    )]
+    WholeLibrary {
+        /// The file.
+        path: PathBuf,
+        /// What may be written instead.
+        choices: String,
+    },
+    /// A mask without a photograph to apply it to.
+    #[error("{mask}: a mask of a target needs a photograph as target, and `{target}` is none", mask = mask.display())]
+    MaskWithoutPhoto {
+        /// The mask.
+        mask: PathBuf,
+        /// The target.
+        target: String,
+    },
+    /// The measured histogram is no signature.
+    #[error("{photo}: no signature", photo = photo.display())]
+    Signature {
+        /// The photograph.
+        photo: PathBuf,
+        /// Why.
+        #[source]
+        source: SignatureError,
+    },
+}
+
+/// A look as it was given.
+#[derive(Clone, Debug)]
+pub enum Look {
+    /// Target values and weights.
+    Target(Target),
+    /// A photograph, in full size until it is known with what it is compared.
+    Photo {
+        /// Its file.
+        path: PathBuf,
+        /// What it shows.
+        photo: Photo,
+    },
+}
+
+impl Look {
+    /// The look that `spec` names: a built-in target, a photograph (by its ending), a class of
+    /// a signature library (`FILE.toml#CLASS`: its histogram alone), or else a target file.
+    /// `mask` is that of the photograph's main object.
+    ///
+    /// # Errors
+    /// When there is no such thing, it is not valid, or a mask is given to another thing.
+    pub fn resolve(spec: &str, mask: Option<&Path>) -> Result<Self, LookError> {
+        let path = Path::new(spec);
+        if has_picture_ending(path) {
+            return Ok(Self::Photo { path: path.to_owned(), photo: Photo::read(path, mask)? });
+        }
+        if let Some(mask) = mask {
+            return Err(LookError::MaskWithoutPhoto { mask: mask.to_owned(), target: spec.to_owned() });
+        }
+        if let Some((file, class)) = split_reference(spec) {
+            let signature = Library::find(file, class)?;
+            let name = format!("{}-{class}", stem(file));
+            let (mean, sigma) = signature.moments();
+            let values = [mean, mean, sigma, sigma, 0.0];
+            return Ok(Self::Target(Target::new(name, values, HISTOGRAM_ONLY, signature)));
+        }
+        match (Target::resolve(spec), Library::read(path)) {
+            (Ok(target), _) => Ok(Self::Target(target)),
+            (Err(_), Ok(library)) => {
+                let choices = library.classes.iter().map(|c| format!("{spec}#{}", c.name));
+                let choices = choices.collect::<Vec<_>>().join(", ");
+                Err(LookError::WholeLibrary { path: path.to_owned(), choices })
+            }
+            (Err(error), Err(_)) => Err(error.into()),
+        }
+    }
+
+    /// Its name: that of the target, or the stem of the photograph's file.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Target(target) => target.name().to_owned(),
+            Self::Photo { path, .. } => stem(path),
+        }
+    }
+
+    /// The target for pictures whose longer side has `longest` pixels, measured by `mode`.
+    ///
+    /// A photograph is reduced to that size if it is larger, since g depends on it. With a mask
+    /// all terms count, with the published weights; without, the histogram alone.
+    ///
+    /// # Errors
+    /// When the reduced mask leaves nothing to measure.
+    ///
+    /// # Panics
+    /// When `longest` is 0.
+    pub fn into_target(self, mode: LuminanceMode, longest: usize) -> Result<Target, LookError> {
+        let name = self.name();
+        match self {
+            Self::Target(target) => Ok(target),
+            Self::Photo { path, photo } => {
+                let z = photo.reduced(longest).measure(mode)?;
+                let shape = Shape::Cumulated(z.cumulated.to_vec());
+                let signature = Signature::new(&name, shape)
+                    .map_err(|source| LookError::Signature { photo: path.clone(), source })?;
+                let weights = if photo.has_mask() { PUBLISHED_WEIGHTS } else { HISTOGRAM_ONLY };
+                Ok(Target::new(name, z.scalars(), weights, signature))
+            }
+        }
+    }
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
