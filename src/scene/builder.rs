@@ -1,6 +1,8 @@
 //! Merges scene file and sidecar into a [`Scene`] and checks both.
 
 mod lights;
+mod place;
+mod select;
 
 use std::{
     fs,
@@ -14,11 +16,11 @@ use super::{
     Scene,
     find::ending,
     gltf,
-    imported::ImportedCamera,
+    imported::{Imported, ImportedCamera},
     material::{Coats, Material, MaterialParams, Model},
     obj,
-    sidecar::{MaterialSpec, SCHEMA, Selection, Sidecar},
-    wavefront::{LineError, Part},
+    sidecar::{MaterialSpec, SCHEMA, Sidecar},
+    wavefront::LineError,
 };
 use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
@@ -162,17 +164,21 @@ impl Builder<'_> {
             let message = format!("must be in [0, 180] degrees, got {}", sidecar.crease_angle);
             return Err(self.error("crease_angle", message));
         }
-        let parts = if self.is_obj {
+        if self.is_obj {
             let required =
                 [(sidecar.camera.is_none(), "camera"), (sidecar.main_object.is_none(), "main_object")];
             if let Some((_, field)) = required.iter().find(|(is_missing, _)| *is_missing) {
                 return Err(self.missing(field));
             }
-            obj::load(self.scene_path, sidecar.crease_angle.to_radians())?
-        } else {
-            gltf::load(self.scene_path)?
-        };
+        }
+        let mut parts = self.import(sidecar.crease_angle)?;
+        self.place(sidecar, &mut parts)?;
         let camera = self.camera(sidecar, parts.camera)?;
+        let mut is_main = self.main_object(sidecar, &mut parts)?;
+        if let Some(spec) = &sidecar.backdrop {
+            self.add_backdrop(spec, &mut parts)?;
+            is_main.resize(parts.mesh.indices.len(), false);
+        }
         let mut warnings = parts.warnings;
         for name in sidecar.materials.keys() {
             if !parts.materials.iter().any(|(n, _)| n == name) {
@@ -193,15 +199,6 @@ impl Builder<'_> {
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;
-        let is_main = match &sidecar.main_object {
-            Some(selection) => self.select_main(selection, &mesh, &parts.parts, &materials)?,
-            None => {
-                let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
-                warnings
-                    .push(format!("{} {reason}: everything is the main object", self.toml_path.display()));
-                vec![true; mesh.indices.len()]
-            }
-        };
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
@@ -228,6 +225,15 @@ impl Builder<'_> {
             warnings,
             ..scene
         })
+    }
+
+    /// What the scene file holds.
+    fn import(&self, crease_angle: f32) -> Result<Imported, SceneError> {
+        if self.is_obj {
+            obj::load(self.scene_path, crease_angle.to_radians())
+        } else {
+            gltf::load(self.scene_path)
+        }
     }
 
     fn override_material(
@@ -297,60 +303,6 @@ impl Builder<'_> {
             }
         };
         self.error(key, message)
-    }
-
-    /// Indices of the names that a pattern (a name, or a beginning and `*`) matches.
-    fn matches<'n>(
-        &self,
-        key: &str,
-        pattern: &str,
-        names: impl Iterator<Item = &'n str> + Clone,
-    ) -> Result<Vec<usize>, SceneError> {
-        let is_match = |n: &str| match pattern.strip_suffix('*') {
-            Some(start) => n.starts_with(start),
-            None => n == pattern,
-        };
-        let found: Vec<usize> =
-            names.clone().enumerate().filter(|(_, n)| is_match(n)).map(|(i, _)| i).collect();
-        if found.is_empty() { Err(self.unknown_name(key, pattern, names)) } else { Ok(found) }
-    }
-
-    fn select_main(
-        &self,
-        selection: &Selection,
-        mesh: &super::Mesh,
-        parts: &[Part],
-        materials: &[Material],
-    ) -> Result<Vec<bool>, SceneError> {
-        let mut names: Vec<&str> = parts.iter().flat_map(Part::names).collect();
-        names.sort_unstable();
-        names.dedup();
-        let mut main_object = vec![false; parts.len()];
-        let mut main_material = vec![false; materials.len()];
-        for pattern in &selection.objects {
-            for i in self.matches("main_object.objects", pattern, names.iter().copied())? {
-                for (is_main, part) in main_object.iter_mut().zip(parts) {
-                    *is_main |= part.names().any(|n| n == names[i]);
-                }
-            }
-        }
-        for pattern in &selection.materials {
-            for i in
-                self.matches("main_object.materials", pattern, materials.iter().map(|m| m.name.as_str()))?
-            {
-                main_material[i] = true;
-            }
-        }
-        let is_main: Vec<bool> = mesh
-            .objects
-            .iter()
-            .zip(&mesh.materials)
-            .map(|(&o, &m)| main_object[o as usize] || main_material[m as usize])
-            .collect();
-        if !is_main.contains(&true) {
-            return Err(self.error("main_object", "names no triangle; give `objects` or `materials`"));
-        }
-        Ok(is_main)
     }
 
     fn background(

@@ -1,6 +1,7 @@
 //! The scene: geometry, materials, lights, camera, and the questions an
 //! integrator asks of them.
 
+pub mod backdrop;
 pub mod builder;
 mod find;
 pub mod gltf;
