@@ -18,6 +18,7 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
+    audit::{STAGING, write_whole},
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable},
     objective::{Target, Term},
     scene::sidecar::{FreeKind, FreeVariables},
@@ -204,7 +205,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             max_evaluations: args.max_evaluations,
             force: args.force,
         };
-        Ok(design::run(&mut scene, &scene_path, &options, &console)?)
+        let reports = design::run(&mut scene, &scene_path, &options, &console)?;
+        if let Some(sidecar) = &scene.staging {
+            for job in &jobs {
+                write_whole(&job.out.join(STAGING), sidecar)?;
+            }
+        }
+        Ok(reports)
     });
     console.finish();
     let reports = reports?;

@@ -38,7 +38,7 @@ impl Builder<'_> {
         imported: &mut Imported,
     ) -> Result<Vec<bool>, SceneError> {
         if let Some(selection) = &sidecar.main_object {
-            return self.select_main(selection, imported);
+            return self.select_main("main_object.objects", selection, imported);
         }
         let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
         let file = self.toml_path.display();
@@ -46,7 +46,13 @@ impl Builder<'_> {
         Ok(vec![true; imported.mesh.indices.len()])
     }
 
-    fn select_main(&self, selection: &Selection, imported: &Imported) -> Result<Vec<bool>, SceneError> {
+    /// Which triangles a selection names; `key` is where its objects were given.
+    pub(super) fn select_main(
+        &self,
+        key: &str,
+        selection: &Selection,
+        imported: &Imported,
+    ) -> Result<Vec<bool>, SceneError> {
         let Imported { mesh, parts, materials, .. } = imported;
         let mut names: Vec<&str> = parts.iter().flat_map(Part::names).collect();
         names.sort_unstable();
@@ -58,7 +64,7 @@ impl Builder<'_> {
                 main_object.fill(true);
                 continue;
             }
-            for i in self.matches("main_object.objects", pattern, names.iter().copied())? {
+            for i in self.matches(key, pattern, names.iter().copied())? {
                 for (is_main, part) in main_object.iter_mut().zip(parts) {
                     *is_main |= part.names().any(|n| n == names[i]);
                 }
