@@ -9,16 +9,26 @@ use super::super::mesh::{Mesh, face_normal};
 /// Pieces above which nothing is grouped.
 const MAX_PIECES: usize = 3000;
 /// Largest thickness of a panel, in its extents.
-const PANEL_THICKNESS: f32 = 0.02;
+const PANEL_THICKNESS: f32 = 0.04;
 /// Least extents of a floor or a wall, in those of the scene.
 const PANEL_SPAN: f32 = 0.6;
 /// Largest distance of a floor or wall from the scene's boundary, in its extents.
 const PANEL_GAP: f32 = 0.05;
+/// Least horizontal extents of a room or a backdrop, in those of the scene.
+const ROOM_SPAN: f32 = 0.9;
+/// How far a room's walls are from the scene's boundary at most, in its extents.
+const BOUNDARY: f32 = 0.02;
 /// Least share of a room's area that lies on the scene's boundary.
 const ROOM_SHARE: f32 = 0.7;
+/// Least share of that which faces inward: a closed box seen from outside is no room.
+const INWARD_SHARE: f32 = 0.4;
+/// Least horizontal extents of a backdrop or a landscape, in those of all else.
+const ENCLOSING_SPAN: f32 = 1.5;
+/// Least share of its area that faces the middle of all else.
+const ENCLOSING_SHARE: f32 = 0.8;
 /// Largest horizontal extents of what stands in a room or on a floor, in those of the scene.
 const MAX_STANDING: f32 = 0.8;
-/// Pieces whose boxes are no farther apart, in diagonals of the scene, belong together.
+/// Pieces whose boxes are no farther apart, in diagonals of all but floor and walls, belong together.
 const TOUCHING: f32 = 0.01;
 
 /// An axis-aligned box.
@@ -73,30 +83,43 @@ struct Piece {
 }
 
 /// Finds the subject: without a floor everything; otherwise what the largest of the
-/// groups of touching pieces holds that is neither floor nor wall.
+/// groups of touching pieces holds that is neither floor nor wall. What stands on a
+/// table in a room is found by doing so again.
 ///
 /// Pieces are objects or groups, or the connected parts of the mesh if there is only one.
 pub fn find(mesh: &Mesh) -> Subject {
     let pieces = pieces(mesh);
-    let all = || Subject { is_main: vec![true; mesh.indices.len()], has_floor: false };
-    if pieces.len() < 2 || pieces.len() > MAX_PIECES {
-        return all();
-    }
-    let scene = bounds_of(pieces.iter());
-    let is_shell: Vec<bool> = pieces.iter().map(|p| is_shell(mesh, p, &scene)).collect();
-    let floors = pieces.iter().zip(&is_shell).filter(|(p, is_shell)| **is_shell && is_floor(p, &scene));
-    let rest: Vec<&Piece> = pieces.iter().zip(&is_shell).filter(|(_, s)| !**s).map(|(p, _)| p).collect();
-    let floor = bounds_of(floors.map(|(p, _)| p));
-    let subject = dominant(&rest, TOUCHING * scene.extent().length());
-    let bounds = bounds_of(subject.iter().copied());
-    let share = bounds.extent() / scene.extent();
-    let stands = bounds.lo.y - floor_top(&floor, &scene) <= PANEL_GAP * scene.extent().y;
-    if subject.is_empty() || !stands || share.x > MAX_STANDING || share.z > MAX_STANDING {
-        return all();
+    let mut subject: Vec<&Piece> = pieces.iter().collect();
+    let mut has_floor = false;
+    while (2..=MAX_PIECES).contains(&subject.len()) {
+        let Some(inner) = without_shells(mesh, &subject) else { break };
+        subject = inner;
+        has_floor = true;
     }
     let mut is_main = vec![false; mesh.indices.len()];
     subject.iter().flat_map(|p| &p.triangles).for_each(|&t| is_main[t] = true);
-    Subject { is_main, has_floor: true }
+    Subject { is_main, has_floor }
+}
+
+/// The largest group of pieces that stands on a floor or in a room of the others.
+fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Option<Vec<&'a Piece>> {
+    let scene = bounds_of(pieces);
+    let is_enclosing = |p: &Piece| encloses(mesh, p, pieces, &scene);
+    let (shells, inner): (Vec<&Piece>, Vec<&Piece>) =
+        pieces.iter().partition(|p| is_panel(p, &scene) || is_room(mesh, p, &scene) || is_enclosing(p));
+    if shells.is_empty() {
+        return None;
+    }
+    let subject = dominant(&inner, TOUCHING * bounds_of(&inner).extent().length());
+    let bounds = bounds_of(&subject);
+    let share = bounds.extent() / scene.extent();
+    let gap = PANEL_GAP * scene.extent().y;
+    let floors = shells.iter().filter(|p| is_floor(p, &scene));
+    let top = |p: &Piece| if is_panel(p, &scene) { p.bounds.hi.y } else { p.bounds.lo.y };
+    let stands = floors.map(|p| top(p)).any(|top| (bounds.lo.y - top).abs() <= gap);
+    let is_held = stands || shells.iter().any(|p| is_enclosing(p));
+    let is_small = share.x <= MAX_STANDING && share.z <= MAX_STANDING;
+    (!subject.is_empty() && is_held && is_small).then_some(subject)
 }
 
 /// Whether triangles of other pieces lie below a subject that was named.
@@ -119,53 +142,72 @@ pub fn has_floor(mesh: &Mesh, is_main: &[bool]) -> bool {
         && floor.hi.z >= subject.hi.z
 }
 
-fn bounds_of<'a>(pieces: impl Iterator<Item = &'a Piece>) -> Bounds {
-    pieces.map(|p| p.bounds).reduce(Bounds::union).unwrap_or(Bounds::of([]))
+fn bounds_of(pieces: &[&Piece]) -> Bounds {
+    pieces.iter().map(|p| p.bounds).reduce(Bounds::union).unwrap_or(Bounds::of([]))
 }
 
-/// Height of the floor; without one below all that there is.
-fn floor_top(floor: &Bounds, scene: &Bounds) -> f32 {
-    if floor.lo.y.is_finite() {
-        floor.hi.y.min(scene.lo.y + PANEL_GAP * scene.extent().y)
-    } else {
-        f32::NEG_INFINITY
-    }
+/// Whether a piece spans this share of the scene, seen from above.
+fn spans(piece: &Piece, scene: &Bounds, share: f32) -> bool {
+    let (extent, whole) = (piece.bounds.extent(), scene.extent());
+    extent.x >= share * whole.x && extent.z >= share * whole.z
 }
 
 /// A panel at the bottom, or a room.
 fn is_floor(piece: &Piece, scene: &Bounds) -> bool {
-    piece.bounds.lo.y <= scene.lo.y + PANEL_GAP * scene.extent().y
-        && (0..3).step_by(2).all(|a| piece.bounds.extent()[a] >= PANEL_SPAN * scene.extent()[a])
+    piece.bounds.lo.y <= scene.lo.y + PANEL_GAP * scene.extent().y && spans(piece, scene, PANEL_SPAN)
 }
 
-/// Whether a piece is a floor, a wall, a ceiling or a whole room.
-fn is_shell(mesh: &Mesh, piece: &Piece, scene: &Bounds) -> bool {
+/// Whether a piece is a floor, a wall or a ceiling.
+fn is_panel(piece: &Piece, scene: &Bounds) -> bool {
     let (extent, whole) = (piece.bounds.extent(), scene.extent());
-    let thin = (0..3).find(|&a| extent[a] <= PANEL_THICKNESS * extent.max_element());
-    if let Some(axis) = thin {
-        let spans = (0..3).filter(|&a| a != axis).all(|a| extent[a] >= PANEL_SPAN * whole[a]);
-        let gap = (piece.bounds.lo[axis] - scene.lo[axis]).min(scene.hi[axis] - piece.bounds.hi[axis]);
-        // A floor is below, however large it is.
-        return spans && gap <= PANEL_GAP * whole[axis];
-    }
-    if extent.x < 0.9 * whole.x || extent.z < 0.9 * whole.z {
+    let Some(axis) = (0..3).find(|&a| extent[a] <= PANEL_THICKNESS * extent.max_element()) else {
         return false;
-    }
-    let tolerance = PANEL_THICKNESS * whole;
+    };
+    let gap = (piece.bounds.lo[axis] - scene.lo[axis]).min(scene.hi[axis] - piece.bounds.hi[axis]);
+    (0..3).filter(|&a| a != axis).all(|a| extent[a] >= PANEL_SPAN * whole[a])
+        && gap <= PANEL_GAP * whole[axis]
+}
+
+/// Whether a piece is a room: most of it lies on the scene's boundary and is seen from inside.
+fn is_room(mesh: &Mesh, piece: &Piece, scene: &Bounds) -> bool {
+    let tolerance = BOUNDARY * scene.extent();
     let lies_on_boundary = |corners: &[Vec3; 3]| {
         (0..3).any(|a| {
             corners.iter().all(|c| c[a] - scene.lo[a] <= tolerance[a])
                 || corners.iter().all(|c| scene.hi[a] - c[a] <= tolerance[a])
         })
     };
-    let (mut on, mut total) = (0.0, 0.0);
-    for &t in &piece.triangles {
-        let corners = mesh.corners(t);
-        let area = face_normal(corners).length();
-        total += area;
-        on += if lies_on_boundary(&corners) { area } else { 0.0 };
+    if !spans(piece, scene, ROOM_SPAN) {
+        return false;
     }
-    on >= ROOM_SHARE * total
+    let (on, inward) = areas(mesh, piece, scene.center(), lies_on_boundary);
+    let (total, _) = areas(mesh, piece, scene.center(), |_| true);
+    on >= ROOM_SHARE * total && inward >= INWARD_SHARE * on
+}
+
+/// Whether a piece surrounds the others at a distance, as a backdrop or a landscape does.
+fn encloses(mesh: &Mesh, piece: &Piece, pieces: &[&Piece], scene: &Bounds) -> bool {
+    if !spans(piece, scene, ROOM_SPAN) {
+        return false;
+    }
+    let others: Vec<&Piece> = pieces.iter().filter(|p| !std::ptr::eq(**p, piece)).copied().collect();
+    let inner = bounds_of(&others);
+    let room = piece.bounds.extent() / inner.extent();
+    if room.x < ENCLOSING_SPAN || room.z < ENCLOSING_SPAN {
+        return false;
+    }
+    let (total, inward) = areas(mesh, piece, inner.center(), |_| true);
+    inward >= ENCLOSING_SHARE * total
+}
+
+/// Area of the triangles of a piece that `counts`, and that of those which face a point.
+fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) -> bool) -> (f32, f32) {
+    let corners = piece.triangles.iter().map(|&t| mesh.corners(t)).filter(|c| counts(c));
+    corners.fold((0.0, 0.0), |(total, facing), c| {
+        let normal = face_normal(c);
+        let area = 0.5 * normal.length();
+        (total + area, facing + if normal.dot(point - c[0]) > 0.0 { area } else { 0.0 })
+    })
 }
 
 /// The group of touching pieces with the largest box.
@@ -182,7 +224,7 @@ fn dominant<'a>(pieces: &[&'a Piece], gap: f32) -> Vec<&'a Piece> {
     let roots: Vec<usize> = (0..pieces.len()).map(|i| root(&mut group, i)).collect();
     let members =
         |r: usize| (0..pieces.len()).filter(|&i| roots[i] == r).map(|i| pieces[i]).collect::<Vec<_>>();
-    let size = |r: usize| bounds_of(members(r).into_iter()).extent().length();
+    let size = |r: usize| bounds_of(&members(r)).extent().length();
     let mut best: Option<(f32, usize)> = None;
     for r in (0..pieces.len()).filter(|&i| roots[i] == i) {
         let s = size(r);
@@ -239,13 +281,15 @@ fn components(mesh: &Mesh) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::backdrop::Sweep;
 
     /// Appends a box, or a panel if an extent is 0.
     fn add(mesh: &mut Mesh, object: u32, lo: [f32; 3], hi: [f32; 3]) {
         let first = mesh.positions.len() as u32;
         let pick = |i: usize, a: usize| if i >> a & 1 == 0 { lo[a] } else { hi[a] };
         mesh.positions.extend((0..8).map(|i| Vec3::new(pick(i, 0), pick(i, 1), pick(i, 2))));
-        let faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        // They face outward.
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         for [a, b, c, d] in faces.map(|f| f.map(|i| first + i)) {
             for t in [[a, b, c], [a, c, d]] {
                 mesh.indices.push(t);
@@ -274,6 +318,18 @@ mod tests {
     }
 
     #[test]
+    fn what_stands_on_a_table_before_a_backdrop_is_the_subject() {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, 0, [-0.8, -0.04, -0.5], [0.8, 0.0, 0.5]);
+        add(&mut mesh, 1, [-0.2, 0.001, -0.2], [0.2, 0.2, 0.2]);
+        let position = Vec3::new(0.0, -0.8, 0.0);
+        let sweep =
+            Sweep { position, turn: 0.0, front: 2.0, back: 2.0, width: 5.0, height: 3.0, radius: 1.0 };
+        sweep.append(&mut mesh, 0, 2);
+        assert_eq!(main_boxes(&mesh), [1]);
+    }
+
+    #[test]
     fn without_a_floor_everything_is_the_subject() {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [0.0; 3], [1.0; 3]);
@@ -296,7 +352,9 @@ mod tests {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [0.0; 3], [4.0, 3.0, 5.0]);
         add(&mut mesh, 1, [1.0, 0.0, 1.0], [2.0, 1.0, 2.0]);
-        assert_eq!(main_boxes(&mesh), [1]);
+        assert_eq!(main_boxes(&mesh), [0, 1], "a box with something in it");
+        mesh.indices[..12].iter_mut().for_each(|t| t.swap(0, 1));
+        assert_eq!(main_boxes(&mesh), [1], "a room");
     }
 
     #[test]
