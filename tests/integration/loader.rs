@@ -425,13 +425,11 @@ fn what_is_no_scene_is_one_line() {
     room.write("empty.toml", TOML);
     room.write("binary.obj", (0..=255).cycle().take(10_000).collect::<Vec<u8>>());
     room.write("binary.toml", TOML);
-    room.write("lonely.obj", OBJ);
     std::fs::create_dir(room.path("folder.obj")).unwrap();
     for (scene, wanted) in [
         ("empty.obj", "empty.obj: no triangle in this file"),
         ("binary.obj", "binary.obj: no triangle in this file"),
         ("folder.obj", "folder.obj: is a directory"),
-        ("lonely.obj", "lonely.toml: cannot read the sidecar"),
         ("rom.obj", "rom.obj: no such scene, and none in scenes/ either; did you mean `room.obj`?"),
         ("/no/such.obj", "/no/such.obj: no such scene"),
         ("room.toml", "room.toml: a scene is a Wavefront .obj or a glTF .glb/.gltf file"),

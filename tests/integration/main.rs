@@ -13,3 +13,4 @@ mod render;
 mod room;
 mod run;
 mod sidecar;
+mod stage;

@@ -88,11 +88,8 @@ enum Main {
 /// Whether a scene file needs no staging: it has a camera and light.
 #[must_use]
 pub fn is_complete(imported: &Imported) -> bool {
-    imported.camera.is_some() && has_light(imported)
-}
-
-fn has_light(imported: &Imported) -> bool {
-    !imported.lights.is_empty() || imported.materials.iter().any(|(_, m)| m.emission != Rgb::ZERO)
+    let shines = || imported.materials.iter().any(|(_, m)| m.emission != Rgb::ZERO);
+    imported.camera.is_some() && (!imported.lights.is_empty() || shines())
 }
 
 /// Stages a scene file called `file`, as it was read: what it lacks of camera and lights.
@@ -146,7 +143,7 @@ fn plan<'a>(
     };
     let floor = Bounds::of(mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize])).lo.y;
     let needs_backdrop = !is_own && !subject.has_floor;
-    let is_lit = has_light(imported) && scale.is_none();
+    let is_lit = !imported.lights.is_empty();
     Ok(Plan {
         file,
         scale,

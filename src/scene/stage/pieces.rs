@@ -18,6 +18,8 @@ const PANEL_GAP: f32 = 0.05;
 const ROOM_SPAN: f32 = 0.9;
 /// How far a room's walls are from the scene's boundary at most, in its extents.
 const BOUNDARY: f32 = 0.02;
+/// How high above a floor a subject is still taken to stand on it, in the scene's height.
+const STANDING_GAP: f32 = 0.12;
 /// Least share of a room's area that lies on the scene's boundary.
 const ROOM_SHARE: f32 = 0.7;
 /// Least share of that which faces inward: a closed box seen from outside is no room.
@@ -113,7 +115,7 @@ fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Option<Vec<&'a Piece
     let subject = dominant(&inner, TOUCHING * bounds_of(&inner).extent().length());
     let bounds = bounds_of(&subject);
     let share = bounds.extent() / scene.extent();
-    let gap = PANEL_GAP * scene.extent().y;
+    let gap = STANDING_GAP * scene.extent().y;
     let floors = shells.iter().filter(|p| is_floor(p, &scene));
     let top = |p: &Piece| if is_panel(p, &scene) { p.bounds.hi.y } else { p.bounds.lo.y };
     let stands = floors.map(|p| top(p)).any(|top| (bounds.lo.y - top).abs() <= gap);
@@ -200,12 +202,13 @@ fn encloses(mesh: &Mesh, piece: &Piece, pieces: &[&Piece], scene: &Bounds) -> bo
     inward >= ENCLOSING_SHARE * total
 }
 
-/// Area of the triangles of a piece that `counts`, and that of those which face a point.
+/// Area of the triangles of a piece that `counts`, and that of those whose shading normals
+/// face a point.
 fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) -> bool) -> (f32, f32) {
-    let corners = piece.triangles.iter().map(|&t| mesh.corners(t)).filter(|c| counts(c));
-    corners.fold((0.0, 0.0), |(total, facing), c| {
-        let normal = face_normal(c);
-        let area = 0.5 * normal.length();
+    let triangles = piece.triangles.iter().map(|&t| (t, mesh.corners(t))).filter(|(_, c)| counts(c));
+    triangles.fold((0.0, 0.0), |(total, facing), (t, c)| {
+        let area = 0.5 * face_normal(c).length();
+        let normal: Vec3 = mesh.indices[t].iter().map(|&i| mesh.normals[i as usize]).sum();
         (total + area, facing + if normal.dot(point - c[0]) > 0.0 { area } else { 0.0 })
     })
 }
@@ -290,9 +293,14 @@ mod tests {
         mesh.positions.extend((0..8).map(|i| Vec3::new(pick(i, 0), pick(i, 1), pick(i, 2))));
         // They face outward.
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        for [a, b, c, d] in faces.map(|f| f.map(|i| first + i)) {
-            for t in [[a, b, c], [a, c, d]] {
-                mesh.indices.push(t);
+        for face in faces {
+            let corners = face.map(|i: u32| mesh.positions[(first + i) as usize]);
+            let normal = face_normal([corners[0], corners[1], corners[2]]).normalize_or_zero();
+            let start = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            mesh.normals.resize(mesh.positions.len(), normal);
+            for t in [[0, 1, 2], [0, 2, 3]] {
+                mesh.indices.push(t.map(|i| start + i));
                 mesh.objects.push(object);
                 mesh.materials.push(0);
             }
@@ -353,7 +361,7 @@ mod tests {
         add(&mut mesh, 0, [0.0; 3], [4.0, 3.0, 5.0]);
         add(&mut mesh, 1, [1.0, 0.0, 1.0], [2.0, 1.0, 2.0]);
         assert_eq!(main_boxes(&mesh), [0, 1], "a box with something in it");
-        mesh.indices[..12].iter_mut().for_each(|t| t.swap(0, 1));
+        mesh.normals[..32].iter_mut().for_each(|n| *n = -*n);
         assert_eq!(main_boxes(&mesh), [1], "a room");
     }
 
