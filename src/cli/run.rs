@@ -32,7 +32,7 @@ use crate::{
 ///
 /// SCENE is a Wavefront OBJ or glTF (.obj, .glb, .gltf). Beside it a sidecar of the same name
 /// ending in .toml gives camera, main object and lights; a glTF may bring its own camera and
-/// lights. A name that is not found is also sought in scenes/; the ending may be left out.
+/// lights. A scene that has none is staged: see `stage --help`. A name that is not found is also sought in scenes/; the ending may be left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree run fruit_basket.obj\n  \

@@ -94,7 +94,7 @@ pub struct LightBounds {
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
-/// (see [`stage`](super::stage)), unless it is a glTF with camera and lights.
+/// (see [`mod@stage`]), unless it is a glTF with camera and lights.
 ///
 /// # Errors
 /// With the file, the key and what is allowed.
@@ -121,7 +121,7 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// Stages `path` (see [`find`] and [`stage`](super::stage)), whatever its sidecar says.
+/// Stages `path` (see [`find`] and [`mod@stage`]), whatever its sidecar says.
 ///
 /// # Errors
 /// When the scene cannot be read, or the options name an object that it has not.

@@ -39,7 +39,7 @@ impl Obstacles {
     /// Share of points that are not hidden from `eye`.
     pub fn visible_share(&self, points: &[Vec3], eye: Vec3) -> f32 {
         const MARGIN: f32 = 1e-3;
-        let step = points.len().div_ceil(MAX_RAYS as usize).max(1);
+        let step = points.len().div_ceil(MAX_RAYS).max(1);
         let sample = points.iter().step_by(step);
         let n = sample.clone().count().max(1);
         sample.filter(|p| self.free_share(eye, eye + (**p - eye) * (1.0 - MARGIN)) >= 1.0).count() as f32

@@ -1,8 +1,7 @@
 //! Three lights and a backdrop as a photographer places them.
 //!
 //! # References
-//! F. Hunter, S. Biver, P. Fuqua, *Light: Science & Magic*: key, fill and rim light, and the
-//! seamless sweep.
+//! \[Hunter15\] (key, fill and rim light; the seamless sweep).
 
 use std::f32::consts::PI;
 
