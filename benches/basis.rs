@@ -51,7 +51,7 @@ fn scene(n: usize) -> Scene {
                 color: Rgb::ONE,
                 radiance: 1.0,
                 size: 1.0,
-                size_density: SizeDensity::AnySize { least: SIZES[0], extent: SIZES[1] },
+                size_density: SizeDensity::any_size(SIZES),
                 camera_visible: true,
                 occludes: false,
             }

@@ -49,8 +49,8 @@ impl Coat {
     pub fn new(eta: f32, alpha: Option<f32>) -> Self {
         let ggx = alpha.map(Ggx::new);
         let transmittance = ggx.map_or_else(Vec::new, |g| transmittances(g, eta, N_QUADRATURE));
-        let n = if ggx.is_some() { 3 * N_NODES } else { 1024 };
-        let r_int = diffuse_internal_reflectance(ggx, eta, n, N_QUADRATURE);
+        let n = if ggx.is_some() { N_COARSE_NODES } else { 1024 };
+        let r_int = diffuse_internal_reflectance(ggx, eta, n, N_COARSE_QUADRATURE);
         Self { eta, ggx, transmittance, base_scale: vec![base_scale(eta, r_int)] }
     }
 

@@ -93,6 +93,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         if let Some(size) = args.size {
             scene.camera.resize(size);
         }
+        scene.select_shining_lights();
         console.stage("rendering", Some(u64::from(scene.camera.size().y)));
         let camera = Camera {
             integrator: args.transport.integrator(),

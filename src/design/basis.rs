@@ -37,7 +37,13 @@ const MIN_KNOTS: usize = 8;
 /// Knots after refocusing lie within this share of the size found.
 const FOCUS: f64 = 0.15;
 /// Times the basis is rendered anew around what was found.
-const MAX_REFOCUS: u32 = 2;
+const MAX_REFOCUS: u32 = 4;
+/// Samples of a basis around what was found, times those of the first basis.
+const FOCUS_FACTOR: f64 = 1.5;
+/// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
+const UNINTERRUPTED: u32 = 8;
+/// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
+const FAINT_LIGHT: f32 = 0.05;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
 /// Samples per pixel after which no more are added, of all replicates.
@@ -57,10 +63,19 @@ pub struct Plan {
     fixed: LightingPoint,
 }
 
+/// What a basis is made for: the lights found.
+#[derive(Clone, Debug)]
+struct Focus {
+    lighting: LightingPoint,
+    /// How often each light is chosen.
+    weights: Vec<f32>,
+}
+
 /// A basis and what it is made of.
 pub struct Engine {
     plan: Plan,
     basis: TransportBasis,
+    focus: Option<Focus>,
     seed: u64,
     /// Where it is stored, and how many samples are there.
     stored: Option<(PathBuf, u32)>,
@@ -129,15 +144,19 @@ impl Plan {
     }
 
     /// The layout, with knots around the sizes of `focus` if given.
-    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&LightingPoint>) -> Layout {
+    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&Focus>) -> Layout {
         let bins = self.sizes.iter().enumerate().map(|(l, range)| match (range, focus) {
             (None, _) => SizeBins::Fixed(scene.lights[l].size),
             (Some([lo, hi]), None) => {
                 SizeBins::Free(Knots::geometric(f64::from(*lo), f64::from(*hi), self.knots))
             }
-            (Some([lo, hi]), Some(x)) => {
-                SizeBins::Free(Knots::around(f64::from(*lo), f64::from(*hi), x.size[l], FOCUS, self.knots))
-            }
+            (Some([lo, hi]), Some(x)) => SizeBins::Free(Knots::around(
+                f64::from(*lo),
+                f64::from(*hi),
+                x.lighting.size[l],
+                FOCUS,
+                self.knots,
+            )),
         });
         let nodes = match self.value {
             None => ValueNodes::new(f64::from(scene.background_value()), 1),
@@ -146,11 +165,18 @@ impl Plan {
         Layout::new(options.work_size, bins.collect(), nodes)
     }
 
-    /// Makes the scene sample every size and the largest value.
-    fn open(&self, scene: &mut Scene) {
-        for (light, range) in scene.lights.iter_mut().zip(&self.sizes) {
-            if let Some([least, extent]) = *range {
-                light.size_density = SizeDensity::AnySize { least, extent };
+    /// Makes the scene sample every size and the largest value, most of all what is
+    /// in focus.
+    fn open(&self, scene: &mut Scene, focus: Option<&Focus>) {
+        scene.select_all_lights();
+        if let Some(focus) = focus {
+            scene.select_lights(&focus.weights);
+        }
+        for (l, (light, range)) in scene.lights.iter_mut().zip(&self.sizes).enumerate() {
+            if let Some(range) = *range {
+                let likely = |f: &Focus| (f.lighting.size[l] * (1.0 + FOCUS)) as f32;
+                light.size_density = focus
+                    .map_or_else(|| SizeDensity::any_size(range), |f| SizeDensity::focused(range, likely(f)));
             }
         }
         if let Some(v) = self.value {
@@ -174,13 +200,14 @@ impl Engine {
         let layout = plan.layout(scene, options, None);
         let seed = seed_for(options.seed, Purpose::Optimise);
         let stored = options.cache.as_ref().map(|directory| {
-            plan.open(scene);
+            plan.open(scene, None);
             let sampling = format!("{:?} {:?} {seed}", camera.integrator, camera.sampler);
             let words = format!("{layout:?} {sampling} {REPLICATES} {}", env!("LIGHTOPT_COMMIT"));
             let key = hash_words(&[scene.fingerprint(), hash_bytes(words.bytes())]);
             (directory.join(format!("{}-{key:016x}.basis", scene.name)), 0)
         });
-        let mut engine = Self { plan, basis: TransportBasis::new(layout.clone(), REPLICATES), seed, stored };
+        let mut engine =
+            Self { plan, basis: TransportBasis::new(layout.clone(), REPLICATES), focus: None, seed, stored };
         if let Some((path, samples)) = &mut engine.stored
             && path.exists()
         {
@@ -225,7 +252,11 @@ impl Engine {
         Ok(())
     }
 
-    /// Adds samples: `spp` per pixel over all replicates.
+    /// Adds samples: `spp` per pixel over all replicates. An interrupt leaves a whole
+    /// basis of fewer samples.
+    ///
+    /// # Errors
+    /// When a render fails, or was interrupted before there were any samples.
     fn add(
         &mut self,
         spp: u32,
@@ -234,13 +265,21 @@ impl Engine {
         options: &RunOptions,
         reporter: &impl Reporter,
     ) -> Result<(), RunError> {
-        let count = spp.div_ceil(REPLICATES as u32).max(1);
-        reporter
-            .stage("rendering the transport basis", Some(u64::from(options.work_size.y) * REPLICATES as u64));
-        self.plan.open(scene);
+        let mut left = spp.div_ceil(REPLICATES as u32).max(1);
+        let renders = u64::from(left.div_ceil(UNINTERRUPTED)) * REPLICATES as u64;
+        reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y) * renders));
+        self.plan.open(scene, self.focus.as_ref());
         let source =
             Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
-        self.basis.render(source, count, reporter)?;
+        while left > 0 {
+            if reporter.cancelled() {
+                let is_empty = self.basis.n_samples() == 0;
+                return if is_empty { Err(RenderError::Cancelled.into()) } else { Ok(()) };
+            }
+            let count = left.min(UNINTERRUPTED);
+            self.basis.render(source, count, &super::Unstoppable(reporter))?;
+            left -= count;
+        }
         Ok(())
     }
 
@@ -256,6 +295,31 @@ impl Engine {
     pub fn unit_picture(&self) -> crate::film::Picture {
         let x = &self.plan.fixed;
         self.basis.picture(&LightingPoint { radiance: vec![1.0; x.radiance.len()], ..x.clone() })
+    }
+
+    /// An empty basis around what was found.
+    fn around(&self, lighting: LightingPoint, round: u32, scene: &Scene, options: &RunOptions) -> Self {
+        let weights = self.basis.shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt() as f32).collect();
+        let focus = Focus { lighting, weights };
+        Self {
+            plan: self.plan.clone(),
+            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), REPLICATES),
+            focus: Some(focus),
+            seed: hash_words(&[self.seed, u64::from(round) + 1]),
+            stored: None,
+        }
+    }
+
+    /// Whether the basis is made for these lights: those that shine have the size in focus.
+    fn is_around(&self, x: &LightingPoint) -> bool {
+        self.focus.as_ref().is_some_and(|f| {
+            let near = |l: usize| {
+                self.plan.sizes[l].is_none()
+                    || x.radiance[l] == 0.0
+                    || (x.size[l] / f.lighting.size[l] - 1.0).abs() <= FOCUS
+            };
+            (0..x.size.len()).all(near)
+        })
     }
 
     fn evaluator<'a>(
@@ -329,63 +393,59 @@ pub fn optimise(
     ));
 
     let tolerance = problem.options.tolerance;
-    let mut check = None;
+    let first_samples = f64::from(problem.options.spp);
     let mut own: Option<Engine> = None;
-    for round in 0..=MAX_REFOCUS {
-        let mut additions = 0;
-        while !is_exact(&best.estimate, tolerance)
-            && additions < MAX_ADDITIONS
+    let (mut round, mut additions) = (0, 0);
+    let check = loop {
+        let now = own.as_ref().unwrap_or(engine);
+        let lighting = evaluator_of(now, problem).lighting(&problem.variables.decode(&best.u));
+        let may_refocus = round < MAX_REFOCUS && !cancelled() && !late(problem.options);
+        let may_add = additions < MAX_ADDITIONS
+            && now.samples() < MAX_SAMPLES
             && !cancelled()
-            && !late(problem.options)
-        {
-            let engine = own.as_mut().unwrap_or(engine);
-            let now = engine.samples();
-            let wanted = f64::from(now) * lacking(&best.estimate, tolerance).clamp(1.2, 4.0);
-            let more = (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(now);
-            if more == 0 {
-                break;
+            && !late(problem.options);
+        let exact = is_exact(&best.estimate, tolerance);
+        if exact || !(may_refocus || may_add) {
+            let measured = check_at(&best, problem, round, renders, reporter)?;
+            let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
+            let allowed = best.estimate.error_bar() + measured.error_bar();
+            reporter.note(&format!(
+                "basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
+                now.samples(),
+                best.estimate.error_bar(),
+                measured.error_bar()
+            ));
+            if (f - checked).abs() <= allowed || !may_refocus {
+                break measured;
             }
-            match engine.add(more, problem.scene, problem.camera, problem.options, reporter) {
-                Err(RunError::Render(RenderError::Cancelled)) => break,
+            reporter.note("they disagree: rendering the basis anew around the lights found");
+        }
+        // Few samples that matter are worth more than many that do not.
+        let refocus = may_refocus && (exact || !now.is_around(&lighting) || !may_add);
+        if refocus {
+            let mut fresh = now.around(lighting, round, problem.scene, problem.options);
+            let samples = match now.focus {
+                None => (FOCUS_FACTOR * first_samples).ceil() as u32,
+                Some(_) => now.samples(),
+            };
+            round += 1;
+            match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
+                Err(RunError::Render(RenderError::Cancelled)) => continue,
                 other => other?,
             }
+            own = Some(fresh);
+        } else {
             additions += 1;
-            best = refine(engine, &best, problem, &mut n_evaluations, &cancelled)?;
+            let wanted = f64::from(now.samples()) * lacking(&best.estimate, tolerance).clamp(1.2, 4.0);
+            let more = (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(now.samples());
+            let engine = own.as_mut().unwrap_or(engine);
+            engine.add(more, problem.scene, problem.camera, problem.options, reporter)?;
         }
-        let measured = check_at(&best, problem, round, renders, reporter)?;
-        let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
-        let allowed = best.estimate.error_bar() + measured.error_bar();
-        reporter.note(&format!(
-            "basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
-            own.as_ref().unwrap_or(engine).samples(),
-            best.estimate.error_bar(),
-            measured.error_bar()
-        ));
-        let agrees = (f - checked).abs() <= allowed;
-        check = Some(measured);
-        if agrees || round == MAX_REFOCUS || cancelled() || late(problem.options) {
-            break;
-        }
-        reporter.note("they disagree: rendering the basis anew around the lights found");
-        let focus = evaluator_of(engine, problem).lighting(&problem.variables.decode(&best.u));
-        let layout = engine.plan.layout(problem.scene, problem.options, Some(&focus));
-        let mut fresh = Engine {
-            plan: engine.plan.clone(),
-            basis: TransportBasis::new(layout, REPLICATES),
-            seed: hash_words(&[engine.seed, u64::from(round) + 1]),
-            stored: None,
-        };
-        let samples = own.as_ref().unwrap_or(engine).samples();
-        match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
-            Err(RunError::Render(RenderError::Cancelled)) => break,
-            other => other?,
-        }
-        best = refine(&fresh, &best, problem, &mut n_evaluations, &cancelled)?;
-        own = Some(fresh);
-    }
+        let engine = own.as_ref().unwrap_or(engine);
+        best = refine(engine, &best, problem, &mut n_evaluations, &cancelled)?;
+    };
     let engine = own.as_ref().unwrap_or(engine);
     record(engine, &best, problem, dir)?;
-    let check = check.ok_or(OptimError::NothingEvaluated)?;
     let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
     let clock = Instant::now();
     let reach = on_reduced(engine, problem, |whole, reduced| {
@@ -459,7 +519,12 @@ fn check_at(
     reporter: &impl Reporter,
 ) -> Result<JackknifeEstimate, RunError> {
     let Problem { scene, camera, objective, variables, options, .. } = problem;
-    variables.apply(scene, &variables.decode(&best.u));
+    let x = variables.decode(&best.u);
+    variables.apply(scene, &x);
+    scene.select_shining_lights();
+    if let Some(value) = variables.background_value(&x) {
+        scene.set_background_value(value as f32, value as f32);
+    }
     let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
     let replicates = super::CHECK_REPLICATES;
     let observer = super::Unstoppable(reporter);

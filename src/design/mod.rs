@@ -277,6 +277,7 @@ pub fn run(
     for (job, objective) in options.jobs.iter().zip(&objectives) {
         let clock = Instant::now();
         scene.camera.resize(options.work_size);
+        scene.select_all_lights();
         scene.set_background_value(1.0_f32.min(largest_value), largest_value);
         let manifest = manifest::text(scene, scene_path, options, &job.target, &variables)?;
         let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
@@ -332,10 +333,12 @@ pub fn run(
         scene.camera.resize(options.size);
         variables.apply(scene, &x0);
         scene.set_background_value(value_at(&x0), value_at(&x0));
+        scene.select_shining_lights();
         finale.take(scene, "initial", &x0, (options.final_spp / INITIAL_SHARE).max(1))?;
         variables.apply(scene, &x);
         let value = value_at(&x);
         scene.set_background_value(value, value);
+        scene.select_shining_lights();
         let last = finale.take(scene, "final", &x, options.final_spp)?;
         renders += 2;
         let value = (!scene.background().is_empty()).then_some(value);

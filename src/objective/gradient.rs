@@ -6,43 +6,72 @@
 
 use super::region::Regions;
 
-/// `(pixel, [above-left, above, above-right, left, right, below-left, below, below-right])`
-/// for every object pixel, in row-major order; border pixels repeat themselves.
-fn for_each_object_pixel(regions: &Regions, mut visit: impl FnMut([usize; 8])) {
+/// `[above-left, above, above-right, left, right, below-left, below, below-right]` of
+/// the pixel (x, y); border pixels repeat themselves.
+fn neighbours(regions: &Regions, x: usize, y: usize) -> [usize; 8] {
     let (w, h) = (regions.width(), regions.height());
-    for y in 0..h {
-        let above = y.saturating_sub(1) * w;
-        let row = y * w;
-        let below = (y + 1).min(h - 1) * w;
-        for (x, _) in regions.mask()[row..row + w].iter().enumerate().filter(|&(_, &object)| object) {
-            let left = x.saturating_sub(1);
-            let right = (x + 1).min(w - 1);
-            visit([
-                above + left,
-                above + x,
-                above + right,
-                row + left,
-                row + right,
-                below + left,
-                below + x,
-                below + right,
-            ]);
-        }
-    }
+    let [above, row, below] = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|y| y * w);
+    let (left, right) = (x.saturating_sub(1), (x + 1).min(w - 1));
+    [above + left, above + x, above + right, row + left, row + right, below + left, below + x, below + right]
 }
 
 /// `(∂l/∂x, ∂l/∂y)` by the Sobel pair: [-1 0 1; -2 0 2; -1 0 1] and its transpose.
-fn sobel(l: &[f64], n: [usize; 8]) -> (f64, f64) {
-    let [al, a, ar, le, ri, bl, b, br] = n.map(|i| l[i]);
+#[inline]
+fn sobel([al, a, ar, le, ri, bl, b, br]: [f64; 8]) -> (f64, f64) {
     ((ar - al) + 2.0 * (ri - le) + (br - bl), (bl - al) + 2.0 * (b - a) + (br - ar))
+}
+
+/// Gradients of a row of pixels, `(0, 0)` off the object: as loops over whole rows
+/// they become vector instructions.
+struct Row {
+    y: usize,
+    /// Columns from the object's first to its last.
+    columns: std::ops::Range<usize>,
+    gx: Vec<f64>,
+    gy: Vec<f64>,
+}
+
+/// The gradients of every row that holds a part of the object.
+fn for_each_row(l: &[f64], regions: &Regions, mut visit: impl FnMut(&Row)) {
+    let w = regions.width();
+    let mut row = Row { y: 0, columns: 0..0, gx: vec![0.0; w], gy: vec![0.0; w] };
+    for (y, mask) in regions.mask().chunks_exact(w).enumerate() {
+        let Some(first) = mask.iter().position(|&m| m) else { continue };
+        let end = mask.iter().rposition(|&m| m).unwrap_or(first) + 1;
+        row.y = y;
+        row.columns = first..end;
+        let [al, _, _, le, _, bl, _, _] = neighbours(regions, 1, y);
+        // Columns whose neighbours exist on both sides.
+        let (from, to) = (first.max(1), end.min(w - 1));
+        if from < to {
+            let n = to - from;
+            let line = |start: usize, shift: usize| &l[start + from - 1 + shift..][..n];
+            let (above, here, below) = (al, le, bl);
+            let [a0, a1, a2] = [0, 1, 2].map(|s| line(above, s));
+            let [h0, _, h2] = [0, 1, 2].map(|s| line(here, s));
+            let [b0, b1, b2] = [0, 1, 2].map(|s| line(below, s));
+            let (gx, gy) = (&mut row.gx[from..to], &mut row.gy[from..to]);
+            let mask = &mask[from..to];
+            for i in 0..n {
+                let (x, y) = sobel([a0[i], a1[i], a2[i], h0[i], h2[i], b0[i], b1[i], b2[i]]);
+                gx[i] = if mask[i] { x } else { 0.0 };
+                gy[i] = if mask[i] { y } else { 0.0 };
+            }
+        }
+        for x in [0, w - 1] {
+            (row.gx[x], row.gy[x]) =
+                if mask[x] { sobel(neighbours(regions, x, y).map(|i| l[i])) } else { (0.0, 0.0) };
+        }
+        visit(&row);
+    }
 }
 
 /// `g² = 1/N_obj Σ_{p ∈ obj} |∇l_p|²`.
 pub(super) fn mean_squared(l: &[f64], regions: &Regions) -> f64 {
     let mut sum = 0.0;
-    for_each_object_pixel(regions, |n| {
-        let (gx, gy) = sobel(l, n);
-        sum += gx * gx + gy * gy;
+    for_each_row(l, regions, |row| {
+        let (x, y) = (&row.gx[row.columns.clone()], &row.gy[row.columns.clone()]);
+        sum += x.iter().zip(y).map(|(x, y)| x * x + y * y).sum::<f64>();
     });
     sum / regions.n_object()
 }
@@ -50,18 +79,19 @@ pub(super) fn mean_squared(l: &[f64], regions: &Regions) -> f64 {
 /// Adds `adjoint · ∂g²/∂l` to `out`.
 pub(super) fn add_adjoint(l: &[f64], regions: &Regions, adjoint: f64, out: &mut [f64]) {
     let step = 2.0 * adjoint / regions.n_object();
-    for_each_object_pixel(regions, |n| {
-        let (gx, gy) = sobel(l, n);
-        let (gx, gy) = (step * gx, step * gy);
-        let [al, a, ar, le, ri, bl, b, br] = n;
-        out[al] -= gx + gy;
-        out[a] -= 2.0 * gy;
-        out[ar] += gx - gy;
-        out[le] -= 2.0 * gx;
-        out[ri] += 2.0 * gx;
-        out[bl] += gy - gx;
-        out[b] += 2.0 * gy;
-        out[br] += gx + gy;
+    for_each_row(l, regions, |row| {
+        for x in row.columns.clone() {
+            let (gx, gy) = (step * row.gx[x], step * row.gy[x]);
+            let [al, a, ar, le, ri, bl, b, br] = neighbours(regions, x, row.y);
+            out[al] -= gx + gy;
+            out[a] -= 2.0 * gy;
+            out[ar] += gx - gy;
+            out[le] -= 2.0 * gx;
+            out[ri] += 2.0 * gx;
+            out[bl] += gy - gx;
+            out[b] += 2.0 * gy;
+            out[br] += gx + gy;
+        }
     });
 }
 

@@ -38,6 +38,8 @@ pub use mesh::Mesh;
 /// Fraction of a connection's length that its shadow ray covers: the rest is
 /// where the far surface begins.
 const SHADOW_LENGTH: f32 = 1.0 - 1e-4;
+/// Weight with which a light that is off is chosen, beside 1.
+const DARK_LIGHT: f32 = 0.01;
 /// Partly transparent surfaces that a ray passes, at most: what lies behind them is lost.
 const MAX_LAYERS: u32 = 1024;
 
@@ -375,6 +377,23 @@ impl Scene {
         for &m in &self.background {
             self.materials[m].set_value(value, largest);
         }
+    }
+
+    /// Chooses lights with probabilities proportional to `weights`, all positive.
+    pub fn select_lights(&mut self, weights: &[f32]) {
+        self.light_sampler = LightSampler::new(weights);
+    }
+
+    /// Hardly ever chooses the lights whose radiance is 0: a picture has nothing of them.
+    pub fn select_shining_lights(&mut self) {
+        let weight = |l: &Light| if l.radiance > 0.0 { 1.0 } else { DARK_LIGHT };
+        let weights: Vec<f32> = self.lights.iter().map(weight).collect();
+        self.select_lights(&weights);
+    }
+
+    /// Chooses every light as often.
+    pub fn select_all_lights(&mut self) {
+        self.select_lights(&vec![1.0; self.lights.len()]);
     }
 
     /// Sets a light's radiance and present size, sampled at that size.

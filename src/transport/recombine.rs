@@ -127,6 +127,22 @@ impl TransportBasis {
         r.gradient(self.layout(), &by_weight)
     }
 
+    /// The share of each light in the mean luminance of a lighting; all 0 in the dark.
+    #[must_use]
+    pub fn shares(&self, x: &LightingPoint) -> Vec<f64> {
+        let r = Recombination::new(&self.layout, x);
+        let mut sums = vec![0.0_f64; x.radiance.len()];
+        for e in &r.entries {
+            let row: f64 = (0..self.n_replicates())
+                .map(|i| self.row(i, e.row).iter().map(|&v| f64::from(v)).sum::<f64>())
+                .sum();
+            sums[e.light] += e.weight * row;
+        }
+        sums.iter_mut().for_each(|s| *s = s.max(0.0));
+        let total: f64 = sums.iter().sum();
+        sums.into_iter().map(|s| if total > 0.0 { s / total } else { 0.0 }).collect()
+    }
+
     /// The picture of a lighting: mean over the replicates, with each light's share.
     #[must_use]
     pub fn picture(&self, x: &LightingPoint) -> Picture {

@@ -58,7 +58,7 @@ fn free_sizes(scene: &mut Scene) -> Vec<SizeBins> {
     let mut bins = Vec::new();
     for light in &mut scene.lights {
         if light.has_size() {
-            light.size_density = SizeDensity::AnySize { least: SIZES[0], extent: SIZES[1] };
+            light.size_density = SizeDensity::any_size(SIZES);
             bins.push(SizeBins::Free(Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 12)));
         } else {
             bins.push(SizeBins::Fixed(1.0));
