@@ -34,6 +34,8 @@ const REPLICATES: usize = 4;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
+/// Knots of a basis around what was found: half of them close to it.
+const FOCUS_KNOTS: usize = 12;
 /// Knots after refocusing lie within this share of the size found.
 const FOCUS: f64 = 0.15;
 /// Times the basis is rendered anew around what was found.
@@ -155,7 +157,7 @@ impl Plan {
                 f64::from(*hi),
                 x.lighting.size[l],
                 FOCUS,
-                self.knots,
+                self.knots.min(FOCUS_KNOTS),
             )),
         });
         let nodes = match self.value {
@@ -384,7 +386,7 @@ pub fn optimise(
     let mut n_evaluations: u32 =
         trials.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum();
     dir.log_starts(trials.iter().map(|t| start_line(t, problem.variables)))?;
-    dir.log_timing(&json!({"stage": "search", "seconds": begin.elapsed().as_secs_f64()}))?;
+    log_time(dir, "search", begin)?;
     reporter.note(&format!(
         "searched from {} starts; best from \"{name}\": f_q {:.4} ± {:.4}",
         trials.len(),
@@ -406,7 +408,9 @@ pub fn optimise(
             && !late(problem.options);
         let exact = is_exact(&best.estimate, tolerance);
         if exact || !(may_refocus || may_add) {
+            let clock = Instant::now();
             let measured = check_at(&best, problem, round, renders, reporter)?;
+            log_time(dir, "check", clock)?;
             let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
             let allowed = best.estimate.error_bar() + measured.error_bar();
             reporter.note(&format!(
@@ -420,6 +424,7 @@ pub fn optimise(
             }
             reporter.note("they disagree: rendering the basis anew around the lights found");
         }
+        let clock = Instant::now();
         // Few samples that matter are worth more than many that do not.
         let refocus = may_refocus && (exact || !now.is_around(&lighting) || !may_add);
         if refocus {
@@ -441,18 +446,28 @@ pub fn optimise(
             let engine = own.as_mut().unwrap_or(engine);
             engine.add(more, problem.scene, problem.camera, problem.options, reporter)?;
         }
+        log_time(dir, "basis", clock)?;
+        let clock = Instant::now();
         let engine = own.as_ref().unwrap_or(engine);
         best = refine(engine, &best, problem, &mut n_evaluations, &cancelled)?;
+        log_time(dir, "refine", clock)?;
     };
     let engine = own.as_ref().unwrap_or(engine);
+    let clock = Instant::now();
     record(engine, &best, problem, dir)?;
+    log_time(dir, "record", clock)?;
     let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
     let clock = Instant::now();
     let reach = on_reduced(engine, problem, |whole, reduced| {
         attainable::reach(reduced.unwrap_or(whole), engine.seed as u32)
     })?;
-    dir.log_timing(&json!({"stage": "attainability", "seconds": clock.elapsed().as_secs_f64()}))?;
+    log_time(dir, "attainability", clock)?;
     Ok(Found { u: best.u, check, evaluations: n_evaluations, stop, reach })
+}
+
+fn log_time(dir: &mut RunDir, stage: &str, since: Instant) -> Result<(), RunError> {
+    dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
+    Ok(())
 }
 
 fn evaluator_of<'a>(engine: &'a Engine, problem: &'a Problem) -> Evaluator<'a> {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::Layout;
+use super::{Layout, zeros};
 use crate::{
     film::{Contribution, Film, Recorder, Region, RowRecorder},
     math::NodeRgb,
@@ -60,7 +60,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
         assert!(layout.nodes.len() <= N, "the film carries fewer value nodes than the layout has");
         Self {
             layout,
-            sums: vec![0.0; layout.n_pixels() * layout.n_cells() * layout.nodes.len() * 3],
+            sums: zeros(layout.n_pixels() * layout.n_cells() * layout.nodes.len() * 3),
             splats: vec![Vec::new(); layout.size.y as usize],
             non_finite: AtomicU64::new(0),
         }

@@ -24,6 +24,7 @@ mod recombine;
 pub mod store;
 
 use glam::UVec2;
+use rayon::prelude::*;
 
 use crate::{
     integrator::{Integrator, Observer, RenderError, Sampling, Values},
@@ -148,12 +149,21 @@ pub struct Source<'a> {
     pub seed: u64,
 }
 
+/// `n` zeros. They are written, by all threads: were their pages read first, every first
+/// write would stop all threads to map it anew.
+fn zeros(n: usize) -> Vec<f32> {
+    let mut zeros = vec![0.0; n];
+    zeros.par_chunks_mut(1 << 16).for_each(|part| part.fill(std::hint::black_box(0.0)));
+    zeros
+}
+
 impl TransportBasis {
     /// An empty basis.
     #[must_use]
     pub fn new(layout: Layout, replicates: usize) -> Self {
         let n = layout.n_rows() * layout.n_pixels();
-        Self { luminance: vec![vec![0.0; n]; replicates], rgb: vec![0.0; 3 * n], n_samples: 0, layout }
+        let luminance = (0..replicates).map(|_| zeros(n)).collect();
+        Self { luminance, rgb: zeros(3 * n), n_samples: 0, layout }
     }
 
     /// What is kept apart.
