@@ -28,11 +28,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use rayon::prelude::*;
 use serde_json::Value;
 
-use crate::files::{
-    atomic::{AtomicWriteError, probe, temporary_of},
-    write_atomically,
+use crate::{
+    files::{
+        atomic::{AtomicWriteError, probe, temporary_of},
+        write_atomically,
+    },
+    film::exr::{ExrImage, write_exr},
 };
 
 /// The file that makes a directory a run directory.
@@ -158,19 +162,19 @@ impl RunDir {
         append(&mut self.timing, &self.path.join("timing.jsonl"), line)
     }
 
-    /// Records an evaluation that improved on the best so far, with its picture.
+    /// Records evaluations that improved on the best so far, each with its picture;
+    /// the pictures are written in parallel.
     ///
     /// # Errors
-    /// When the picture or the log cannot be written.
-    pub fn log_iteration(
-        &mut self,
-        line: &Value,
-        exr: &crate::film::exr::ExrImage,
-    ) -> Result<(), AuditError> {
-        let name = format!("iter_{:04}.exr", self.n_iterations);
-        crate::film::exr::write_exr(&self.path.join(name), exr)?;
-        self.n_iterations += 1;
-        append(&mut self.iterations, &self.path.join("iterations.jsonl"), line)
+    /// When a picture or the log cannot be written.
+    pub fn log_iterations(&mut self, iterations: &[(Value, ExrImage)]) -> Result<(), AuditError> {
+        let first = self.n_iterations;
+        iterations.par_iter().enumerate().try_for_each(|(i, (_, picture))| {
+            write_exr(&self.path.join(format!("iter_{:04}.exr", first + i)), picture)
+        })?;
+        self.n_iterations += iterations.len();
+        let path = self.path.join("iterations.jsonl");
+        iterations.iter().try_for_each(|(line, _)| append(&mut self.iterations, &path, line))
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::ops::ControlFlow;
 
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::evaluator::{Evaluator, Scratch};
 use crate::{
-    objective::{Evaluation, ObjectiveError, Smoothing, Term},
+    objective::{Evaluation, ObjectiveError, Smoothing, Term, TermValue},
     optim,
     params::{ParamVector, VariableKind},
 };
@@ -35,51 +36,74 @@ pub struct Reach {
     pub largest: f64,
 }
 
-/// Looks over the box for the least value of every term by itself: at the points
-/// of a low-discrepancy set, and down from the best of them.
+/// Looks over the box for the least value of every term by itself: on the `reduced`
+/// problem at the points of a low-discrepancy set, and down from the best of them.
+/// What was best there, and `found`, are then measured on the whole picture, where the
+/// histogram descends once more. A measured value that can lie on both sides of its
+/// target can also meet it, since it is continuous over the box.
 ///
 /// # Errors
 /// With too few replicates.
-pub fn reach(evaluator: &Evaluator, seed: u32) -> Result<Vec<Reach>, ObjectiveError> {
-    let n = evaluator.variables.len();
-    let mut scratch = Scratch::default();
-    let mut found: Vec<(Vec<f64>, Evaluation)> = Vec::new();
-    for i in 0..N_POINTS {
-        let u: Vec<f64> = (0..n as u32).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect();
-        let evaluation = evaluator.estimate(&u, &mut scratch)?.evaluation;
-        found.push((u, evaluation));
-    }
-    let f = |e: &Evaluation, term: Term| e.get(term).f;
-    for term in Term::ALL {
-        let Some((start, _)) = found.iter().min_by(|a, b| f(&a.1, term).total_cmp(&f(&b.1, term))) else {
-            continue;
-        };
-        let objective = evaluator.objective.only(term);
-        let alone = Evaluator { objective: &objective, ..*evaluator };
-        let smoothing = Smoothing::with_delta(5e-3);
-        let options = optim::Options { max_evaluations: Some(EVALUATIONS), ..Default::default() };
-        let start = start.clone();
-        let outcome = optim::minimize(&start, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
-            let f = alone.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);
-            ControlFlow::Continue(f)
+pub fn reach(
+    whole: &Evaluator,
+    reduced: &Evaluator,
+    found: &[f64],
+    seed: u32,
+) -> Result<Vec<Reach>, ObjectiveError> {
+    let n = whole.variables.len() as u32;
+    let measure = |evaluator: &Evaluator, points: Vec<Vec<f64>>| {
+        let measured = points.into_par_iter().map_init(Scratch::default, |scratch, u| {
+            let evaluation = evaluator.estimate(&u, scratch)?.evaluation;
+            Ok((u, evaluation))
         });
-        // A search that fails leaves what the points found.
-        if let Ok(outcome) = outcome {
-            let evaluation = evaluator.estimate(&outcome.x, &mut scratch)?.evaluation;
-            found.push((outcome.x, evaluation));
-        }
-    }
+        measured.collect::<Result<Vec<_>, ObjectiveError>>()
+    };
+    let spread = (0..N_POINTS)
+        .map(|i| (0..n).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect())
+        .collect();
+    let points = measure(reduced, spread)?;
+    let candidates: Vec<Vec<f64>> = Term::ALL
+        .into_par_iter()
+        .flat_map(|term| {
+            let by = |key: fn(&TermValue) -> f64| {
+                let least = points.iter().min_by(|a, b| key(a.1.get(term)).total_cmp(&key(b.1.get(term))));
+                least.map(|(u, _)| u.clone())
+            };
+            let start = by(|t| t.f);
+            let end = start.as_ref().and_then(|start| descend(reduced, term, start));
+            [start, end, by(|t| t.value), by(|t| -t.value)]
+        })
+        .flatten()
+        .chain([found.to_vec()])
+        .collect();
+    let mut measured = measure(whole, candidates)?;
+    let best = measured.iter().min_by(|a, b| a.1.get(Term::Hist).f.total_cmp(&b.1.get(Term::Hist).f));
+    let last = best.and_then(|(u, _)| descend(whole, Term::Hist, u));
+    measured.extend(measure(whole, last.into_iter().collect())?);
     let of = |term: Term| {
-        let values = || found.iter().map(move |(_, e)| e.get(term).value);
-        Reach {
-            term,
-            target: found[0].1.get(term).target,
-            floor: found.iter().map(|(_, e)| f(e, term)).fold(f64::INFINITY, f64::min),
-            least: values().fold(f64::INFINITY, f64::min),
-            largest: values().fold(f64::NEG_INFINITY, f64::max),
-        }
+        let terms = || measured.iter().map(move |(_, e)| e.get(term));
+        let target = measured[0].1.get(term).target;
+        let least = terms().map(|t| t.value).fold(f64::INFINITY, f64::min);
+        let largest = terms().map(|t| t.value).fold(f64::NEG_INFINITY, f64::max);
+        let floor = terms().map(|t| t.f).fold(f64::INFINITY, f64::min);
+        let is_crossed = (least..=largest).contains(&target);
+        Reach { term, target, floor: if is_crossed { 0.0 } else { floor }, least, largest }
     };
     Ok(Term::ALL.map(of).to_vec())
+}
+
+/// Down from a point by one term alone; `None` when the search fails.
+fn descend(evaluator: &Evaluator, term: Term, start: &[f64]) -> Option<Vec<f64>> {
+    let objective = evaluator.objective.only(term);
+    let alone = Evaluator { objective: &objective, ..*evaluator };
+    let smoothing = Smoothing::with_delta(5e-3);
+    let options = optim::Options { max_evaluations: Some(EVALUATIONS), ..Default::default() };
+    let (mut scratch, n) = (Scratch::default(), start.len());
+    let outcome = optim::minimize(start, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+        let f = alone.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);
+        ControlFlow::Continue(f)
+    });
+    outcome.ok().map(|o| o.x)
 }
 
 /// By name of the term.

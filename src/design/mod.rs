@@ -9,6 +9,7 @@
 
 pub mod attainable;
 mod basis;
+mod engine;
 pub mod evaluator;
 pub mod manifest;
 mod optimise;
@@ -265,8 +266,8 @@ pub fn run(
     let (mut engine, unit) = match options.gradient {
         Gradient::Fd => (None, unit_picture(scene, &camera, options, reporter)?),
         Gradient::Basis => {
-            let plan = basis::Plan::new(scene, &sizes, range.map(|[_, hi]| hi), options, reporter)?;
-            let engine = basis::Engine::new(plan, scene, &camera, options, reporter)?;
+            let plan = engine::Plan::new(scene, &sizes, range.map(|[_, hi]| hi), options, reporter)?;
+            let engine = engine::Engine::new(plan, scene, &camera, options, reporter)?;
             let unit = engine.unit_picture();
             (Some(engine), unit)
         }
@@ -295,7 +296,9 @@ pub fn run(
             target: &job.target,
         };
         let initial = match &engine {
-            Some(engine) => basis::estimate(engine, &problem, &variables.start())?,
+            Some(engine) => {
+                engine.evaluator(&problem).estimate(&variables.start(), &mut evaluator::Scratch::default())?
+            }
             None => measure(&mut problem, &x0, Purpose::Initial, "measuring the start", reporter)?,
         };
         reporter.note(&format!(

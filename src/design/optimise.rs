@@ -223,7 +223,7 @@ impl<R: Reporter> Search<'_, '_, R> {
             let attribute = attribute(scene, options, target, variables, &x, &measured.plain, options.spp);
             let exposure = f64::from(scene.exposure);
             let exr = picture::exr(&shot.picture, aovs, &names, exposure, options.luminance, attribute);
-            self.dir.log_iteration(&line, &exr)?;
+            self.dir.log_iterations(&[(line, exr)])?;
             self.iterations += 1;
             self.best = Some((f_q, u.to_vec()));
         }

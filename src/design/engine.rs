@@ -1,0 +1,351 @@
+//! A transport basis of a scene, planned, rendered and stored for optimisation.
+
+use std::path::PathBuf;
+
+use super::{
+    Camera, Problem, Purpose, Reporter, RunError, RunOptions, Unstoppable, evaluator::Evaluator, seed_for,
+};
+use crate::{
+    audit::stored::About,
+    film::Picture,
+    integrator::{RenderError, aov::Aovs},
+    light::SizeDensity,
+    math::hash::{hash_bytes, hash_words},
+    objective::Objective,
+    params::{ParamVector, survey::SizeBounds},
+    scene::{Scene, sidecar::FreeKind},
+    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+/// Replicates, from which errors are estimated.
+const REPLICATES: usize = 4;
+/// Knots of a light's size, and the fewest that memory may leave.
+const KNOTS: usize = 24;
+const MIN_KNOTS: usize = 8;
+/// Knots of a basis around what was found: half of them close to it.
+const FOCUS_KNOTS: usize = 12;
+/// They lie within this share of the size found.
+const FOCUS: f64 = 0.15;
+/// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
+const FAINT_LIGHT: f32 = 0.05;
+/// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
+const UNINTERRUPTED: u32 = 8;
+/// The picture on which starts are screened is smaller by this factor.
+const REDUCTION: u32 = 4;
+
+/// What a basis of a scene leaves open.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Sizes that vary, by light.
+    sizes: Vec<SizeBounds>,
+    /// The largest value of a background that varies.
+    value: Option<f32>,
+    knots: usize,
+    /// The lighting of what does not vary.
+    fixed: LightingPoint,
+}
+
+/// What a basis is made for: the lights found.
+#[derive(Clone, Debug)]
+struct Focus {
+    lighting: LightingPoint,
+    /// How often each light is chosen.
+    weights: Vec<f32>,
+}
+
+/// A basis and what it is made of.
+pub struct Engine {
+    plan: Plan,
+    basis: TransportBasis,
+    focus: Option<Focus>,
+    seed: u64,
+    /// Where it is stored, and how many samples are there.
+    stored: Option<(PathBuf, u32)>,
+}
+
+impl Plan {
+    /// Plans a basis of the scene, whose sizes have been fitted, within the memory
+    /// allowed.
+    ///
+    /// # Errors
+    /// When even the fewest knots need more memory than allowed.
+    pub fn new(
+        scene: &Scene,
+        sizes: &[SizeBounds],
+        largest_value: Option<f32>,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<Self, RunError> {
+        let free = |kind| options.free.contains(kind);
+        let open = |l: usize| free(FreeKind::Size) && scene.light_bounds[l].size_free;
+        let mut plan = Self {
+            sizes: sizes.iter().enumerate().map(|(l, s)| s.filter(|_| open(l))).collect(),
+            value: largest_value.filter(|_| free(FreeKind::Background)),
+            knots: KNOTS,
+            fixed: LightingPoint {
+                radiance: scene.lights.iter().map(|l| f64::from(l.radiance)).collect(),
+                size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
+                value: f64::from(scene.background_value()),
+            },
+        };
+        let need = |plan: &Self| plan.layout(scene, options, None).memory(REPLICATES);
+        while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
+            plan.knots -= 4;
+        }
+        let bytes = need(&plan);
+        if bytes > options.memory {
+            return Err(RunError::Memory { needed: bytes >> 20, allowed: options.memory >> 20 });
+        }
+        let layout = plan.layout(scene, options, None);
+        let reduced = if plan.knots < KNOTS { ", fewer to fit the memory allowed" } else { "" };
+        reporter.note(&format!(
+            "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
+             nodes, {REPLICATES} replicates, {} MiB",
+            layout.size.x,
+            layout.size.y,
+            layout.n_cells(),
+            plan.knots,
+            layout.nodes.len(),
+            bytes >> 20,
+        ));
+        Ok(plan)
+    }
+
+    /// The layout, with knots around the sizes of `focus` if given.
+    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&Focus>) -> Layout {
+        let bins = self.sizes.iter().enumerate().map(|(l, range)| match (range, focus) {
+            (None, _) => SizeBins::Fixed(scene.lights[l].size),
+            (Some([lo, hi]), None) => {
+                SizeBins::Free(Knots::geometric(f64::from(*lo), f64::from(*hi), self.knots))
+            }
+            (Some([lo, hi]), Some(x)) => SizeBins::Free(Knots::around(
+                f64::from(*lo),
+                f64::from(*hi),
+                x.lighting.size[l],
+                FOCUS,
+                self.knots.min(FOCUS_KNOTS),
+            )),
+        });
+        let nodes = match self.value {
+            None => ValueNodes::new(f64::from(scene.background_value()), 1),
+            Some(v) => ValueNodes::new(f64::from(v), options.integrator.max_depth),
+        };
+        Layout::new(options.work_size, bins.collect(), nodes)
+    }
+
+    /// Makes the scene sample every size and the largest value, most of all what is
+    /// in focus.
+    fn open(&self, scene: &mut Scene, focus: Option<&Focus>) {
+        scene.select_all_lights();
+        if let Some(focus) = focus {
+            scene.select_lights(&focus.weights);
+        }
+        for (l, (light, range)) in scene.lights.iter_mut().zip(&self.sizes).enumerate() {
+            if let Some(range) = *range {
+                let likely = |f: &Focus| (f.lighting.size[l] * (1.0 + FOCUS)) as f32;
+                light.size_density = focus
+                    .map_or_else(|| SizeDensity::any_size(range), |f| SizeDensity::focused(range, likely(f)));
+            }
+        }
+        if let Some(v) = self.value {
+            scene.set_background_value(v, v);
+        }
+    }
+}
+
+impl Engine {
+    /// Renders the first samples of a basis.
+    ///
+    /// # Errors
+    /// As [`TransportBasis::render`].
+    pub fn new(
+        plan: Plan,
+        scene: &mut Scene,
+        camera: &Camera,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<Self, RunError> {
+        let layout = plan.layout(scene, options, None);
+        let seed = seed_for(options.seed, Purpose::Optimise);
+        let stored = options.cache.as_ref().map(|directory| {
+            plan.open(scene, None);
+            let sampling = format!("{:?} {:?} {seed}", camera.integrator, camera.sampler);
+            let words = format!("{layout:?} {sampling} {REPLICATES} {}", env!("LIGHTOPT_COMMIT"));
+            let key = hash_words(&[scene.fingerprint(), hash_bytes(words.bytes())]);
+            (directory.join(format!("{}-{key:016x}.basis", scene.name)), 0)
+        });
+        let mut engine =
+            Self { plan, basis: TransportBasis::new(layout.clone(), REPLICATES), focus: None, seed, stored };
+        if let Some((path, samples)) = &mut engine.stored
+            && path.exists()
+        {
+            match TransportBasis::load(path) {
+                Ok((basis, _)) if *basis.layout() == layout && basis.n_replicates() == REPLICATES => {
+                    *samples = basis.n_samples();
+                    engine.basis = basis;
+                    reporter.note(&format!(
+                        "using {}: {} samples a pixel, nothing to render",
+                        path.display(),
+                        *samples * REPLICATES as u32
+                    ));
+                    return Ok(engine);
+                }
+                Ok(_) => {}
+                // It is written anew.
+                Err(e) => reporter.note(&format!("{e}; rendering it again")),
+            }
+        }
+        engine.add(options.spp, scene, camera, options, reporter)?;
+        Ok(engine)
+    }
+
+    /// Stores the basis, if there is a cache and more in it than there was.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn store(
+        &self,
+        scene: &Scene,
+        aovs: &Aovs,
+        variables: &ParamVector,
+        options: &RunOptions,
+    ) -> Result<(), RunError> {
+        let Some((path, samples)) = &self.stored else { return Ok(()) };
+        if *samples == self.basis.n_samples() {
+            return Ok(());
+        }
+        let about = About::new(scene, &self.plan.fixed, aovs, variables, options.luminance);
+        let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
+        self.basis.save(path, &about)?;
+        Ok(())
+    }
+
+    /// Adds samples: `spp` per pixel over all replicates. An interrupt leaves a whole
+    /// basis of fewer samples.
+    ///
+    /// # Errors
+    /// When a render fails, or was interrupted before there were any samples.
+    pub fn add(
+        &mut self,
+        spp: u32,
+        scene: &mut Scene,
+        camera: &Camera,
+        options: &RunOptions,
+        reporter: &impl Reporter,
+    ) -> Result<(), RunError> {
+        let mut left = spp.div_ceil(REPLICATES as u32).max(1);
+        let renders = u64::from(left.div_ceil(UNINTERRUPTED)) * REPLICATES as u64;
+        reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y) * renders));
+        self.plan.open(scene, self.focus.as_ref());
+        let source =
+            Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
+        while left > 0 {
+            if reporter.cancelled() {
+                let is_empty = self.basis.n_samples() == 0;
+                return if is_empty { Err(RenderError::Cancelled.into()) } else { Ok(()) };
+            }
+            let count = left.min(UNINTERRUPTED);
+            self.basis.render(source, count, &Unstoppable(reporter))?;
+            left -= count;
+        }
+        Ok(())
+    }
+
+    /// Samples per pixel of all replicates.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        self.basis.n_samples() * REPLICATES as u32
+    }
+
+    /// The picture with every light at radiance 1, its present size, and the
+    /// background as it is.
+    #[must_use]
+    pub fn unit_picture(&self) -> Picture {
+        let x = &self.plan.fixed;
+        self.basis.picture(&LightingPoint { radiance: vec![1.0; x.radiance.len()], ..x.clone() })
+    }
+
+    /// An empty basis around what was found.
+    #[must_use]
+    pub fn around(&self, lighting: LightingPoint, round: u32, scene: &Scene, options: &RunOptions) -> Self {
+        let weights = self.basis.shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt() as f32).collect();
+        let focus = Focus { lighting, weights };
+        Self {
+            plan: self.plan.clone(),
+            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), REPLICATES),
+            focus: Some(focus),
+            seed: hash_words(&[self.seed, u64::from(round) + 1]),
+            stored: None,
+        }
+    }
+
+    /// Whether the basis is made around any lights.
+    #[must_use]
+    pub fn is_focused(&self) -> bool {
+        self.focus.is_some()
+    }
+
+    /// Whether the basis is made for these lights: those that shine have the size in focus.
+    #[must_use]
+    pub fn is_around(&self, x: &LightingPoint) -> bool {
+        self.focus.as_ref().is_some_and(|f| {
+            let near = |l: usize| {
+                self.plan.sizes[l].is_none()
+                    || x.radiance[l] == 0.0
+                    || (x.size[l] / f.lighting.size[l] - 1.0).abs() <= FOCUS
+            };
+            (0..x.size.len()).all(near)
+        })
+    }
+
+    /// The seed of its samples.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The lighting at a point of the unit cube.
+    #[must_use]
+    pub fn lighting(&self, variables: &ParamVector, u: &[f64]) -> LightingPoint {
+        variables.lighting(self.plan.fixed.clone(), &variables.decode(u))
+    }
+
+    /// The picture of a lighting.
+    #[must_use]
+    pub fn picture(&self, x: &LightingPoint) -> Picture {
+        self.basis.picture(x)
+    }
+
+    /// f_q of the problem as a function of its variables.
+    #[must_use]
+    pub fn evaluator<'a>(&'a self, problem: &'a Problem) -> Evaluator<'a> {
+        Evaluator {
+            basis: &self.basis,
+            objective: problem.objective,
+            variables: problem.variables,
+            fixed: &self.plan.fixed,
+            luminance: problem.options.luminance,
+            exposure: f64::from(problem.scene.exposure),
+        }
+    }
+
+    /// The same problem on a smaller picture; `None` where object or background are
+    /// too small for it.
+    #[must_use]
+    pub fn reduced(&self, problem: &Problem) -> Option<(TransportBasis, Objective)> {
+        let size = problem.options.work_size / REDUCTION;
+        let wide = problem.aovs.width;
+        let (side, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
+        // A small pixel is the object's when most of its pixels are.
+        let mask: Vec<bool> = (0..size.element_product() as usize)
+            .map(|i| {
+                let (x, y) = (i % size.x as usize * side, i / size.x as usize * side);
+                let covered =
+                    (0..n).filter(|k| problem.aovs.mask[(y + k / side) * wide + x + k % side]).count();
+                2 * covered >= n
+            })
+            .collect();
+        let objective = Objective::new(problem.target, size.x as usize, size.y as usize, &mask).ok()?;
+        Some((self.basis.reduced(REDUCTION), objective))
+    }
+}
