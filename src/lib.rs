@@ -48,6 +48,8 @@
 //! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM
 //!   1982.
 //! - \[Ericson04\] C. Ericson, *Real-Time Collision Detection*, Morgan Kaufmann 2004.
+//! - \[Gablonsky01\] J. M. Gablonsky, C. T. Kelley, *A Locally-Biased Form of the DIRECT
+//!   Algorithm*, Journal of Global Optimization 21, 2001.
 //! - \[Georgiev12\] I. Georgiev et al., *Light Transport Simulation with Vertex Connection
 //!   and Merging*, ACM TOG 31(6), 2012.
 //! - \[Heitz18\] E. Heitz, *Sampling the GGX Distribution of Visible Normals*, JCGT 7(4),

@@ -100,6 +100,11 @@ pub struct RunArgs {
     #[arg(long, value_enum, default_value_t)]
     pub gradient: Gradient,
 
+    /// Also search the whole box of the variables on the transport basis, without starts or
+    /// gradients (NLopt's DIRECT-L): a check that the starts missed nothing
+    #[arg(long)]
+    pub global: bool,
+
     /// Error of f_q (95 %) at which no more samples are added to the transport basis
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
@@ -208,6 +213,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             tolerance: args.tolerance,
             time_limit: args.time_limit,
             cache: args.cache.clone(),
+            global: args.global,
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,

@@ -79,7 +79,15 @@ pub fn optimise(
     let late = || options.time_limit.is_some_and(|t| begin.elapsed() >= t);
     reporter.stage("searching the basis", None);
     let trials = on_reduced(engine, problem, |whole, reduced| {
-        Ok(search::search(whole, reduced, starts, engine.seed() as u32, &cancelled)?)
+        let mut trials = search::search(whole, reduced, starts, engine.seed() as u32, &cancelled)?;
+        if options.global {
+            let (start, n) = search::global(reduced, &cancelled)?;
+            let polished = search::refine(whole, &start, &cancelled)?;
+            reporter.note(&global_line(&polished, n, &trials));
+            let screened = polished.estimate.evaluation.f_q;
+            trials.push(Trial { name: "global".into(), start, screened, polished: Some(polished) });
+        }
+        Ok(trials)
     })?;
     let Some((name, mut best)) = search::best(&trials).map(|(t, p)| (t.name.clone(), p.clone())) else {
         return Err(OptimError::NothingEvaluated.into());
@@ -124,7 +132,9 @@ pub fn optimise(
         }
         let clock = Instant::now();
         // Few samples that matter are worth more than many that do not.
-        let refocus = may_refocus && (exact || !now.is_around(&lighting) || !may_add);
+        // A basis to be kept gets them itself: other looks will need them elsewhere.
+        let is_kept = own.is_none() && now.is_stored();
+        let refocus = may_refocus && (exact || !may_add || !(is_kept || now.is_around(&lighting)));
         if refocus {
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
             let samples =
@@ -231,6 +241,17 @@ fn check_at(
         spp = (wanted.ceil() as u32).min(MAX_SAMPLES) - now;
         shot = Some(all);
     }
+}
+
+/// What a search over the whole box says of the starts.
+fn global_line(global: &Polished, evaluations: u32, trials: &[Trial]) -> String {
+    let found = global.estimate.evaluation.f_q;
+    let best = search::best(trials).map_or(f64::INFINITY, |(_, p)| p.estimate.evaluation.f_q);
+    let verdict = if found < best { "better" } else { "no better" };
+    format!(
+        "{evaluations} evaluations over the whole box: f_q {found:.4} ± {:.4}, {verdict} than {best:.4} from the starts",
+        global.estimate.error_bar()
+    )
 }
 
 fn start_line(t: &Trial, variables: &ParamVector) -> Value {

@@ -279,6 +279,12 @@ impl Engine {
         }
     }
 
+    /// Whether the basis is kept for later runs.
+    #[must_use]
+    pub fn is_stored(&self) -> bool {
+        self.stored.is_some()
+    }
+
     /// Whether the basis is made around any lights.
     #[must_use]
     pub fn is_focused(&self) -> bool {

@@ -51,6 +51,8 @@ struct SceneFacts<'a> {
 #[derive(Serialize)]
 struct Options<'a> {
     gradient: Gradient,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    global: bool,
     tolerance: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     time_limit: Option<f64>,
@@ -118,6 +120,7 @@ pub fn text(
         },
         options: Options {
             gradient: options.gradient,
+            global: options.global,
             tolerance: options.tolerance,
             time_limit: options.time_limit.map(|t| t.as_secs_f64()),
             memory_mib: options.memory >> 20,

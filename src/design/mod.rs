@@ -67,6 +67,8 @@ pub struct RunOptions {
     pub jobs: Vec<Job>,
     /// How gradients are found.
     pub gradient: Gradient,
+    /// Whether the whole box is searched too, on the basis.
+    pub global: bool,
     /// Error of f_q (95 %) at which no more samples are added.
     pub tolerance: f64,
     /// Time after which no more samples are added for a target.

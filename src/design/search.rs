@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::evaluator::{Evaluator, Scratch};
 use crate::{
     objective::{JackknifeEstimate, Smoothing},
-    optim::{self, Interrupt, OptimError, StopReason},
+    optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
 /// Points of the low-discrepancy set.
@@ -25,6 +25,9 @@ const APART: f64 = 0.1;
 /// Evaluations of a descent on the reduced picture and of each stage on the whole one.
 const COARSE_EVALUATIONS: u32 = 40;
 const FINE_EVALUATIONS: u32 = 40;
+
+/// Evaluations of a search over the whole box.
+const GLOBAL_EVALUATIONS: u32 = 20_000;
 
 /// A start and what became of it.
 #[derive(Clone, Debug)]
@@ -109,6 +112,33 @@ pub fn search(
         trials[i].polished = Some(p);
     }
     Ok(trials)
+}
+
+/// The best point of the whole box on the `reduced` problem, found without any start.
+///
+/// # Errors
+/// As [`search`].
+pub fn global(
+    reduced: &Evaluator,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<(Vec<f64>, u32), OptimError> {
+    let n = reduced.variables.len();
+    let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+    let options = optim::Options {
+        method: Method::DirectL,
+        max_evaluations: Some(GLOBAL_EVALUATIONS),
+        f_tol_abs: 0.0,
+        x_tol_abs: 0.0,
+        ..Default::default()
+    };
+    let mut scratch = Scratch::default();
+    let outcome = optim::minimize(&vec![0.5; n], &vec![0.0; n], &vec![1.0; n], &options, |u, _| {
+        if cancelled() {
+            return ControlFlow::Break(Interrupt);
+        }
+        ControlFlow::Continue(reduced.evaluate(u, &smoothing, None, &mut scratch).unwrap_or(f64::NAN))
+    })?;
+    Ok((outcome.x, outcome.evaluations))
 }
 
 /// Descends from `u` once more, as after more samples.

@@ -1,11 +1,11 @@
 //! Bounded minimisation of a smooth function.
 //!
-//! [`minimize`] runs NLopt's `LD_LBFGS` and keeps the best point itself, because NLopt often
+//! [`minimize`] runs NLopt's `LD_LBFGS`, or `GN_DIRECT_L`, and keeps the best point itself, because NLopt often
 //! ends in a bare `FAILURE` after real progress. Why it ended is a [`StopReason`], which
 //! displays in plain words.
 //!
 //! # References
-//! \[Nocedal80\] limited-memory BFGS; NLopt's implementation is Lukšan's, with an active set
+//! \[Gablonsky01\] locally biased division of the box; \[Nocedal80\] limited-memory BFGS; NLopt's implementation is Lukšan's, with an active set
 //! for the bounds.
 
 pub mod difference;
@@ -16,12 +16,25 @@ use std::time::Duration;
 
 pub use self::nlopt::minimize;
 
+/// How to search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Down the gradient from the start. \[Nocedal80\]
+    #[default]
+    Lbfgs,
+    /// Over the whole box, which must be finite, by dividing it: without gradient, start or
+    /// chance. It stops at a limit. \[Gablonsky01\]
+    DirectL,
+}
+
 /// When to stop, and how much to remember.
 ///
 /// The tolerances suit variables scaled to [0, 1] and a function of order 1. NLopt also stops
 /// when the projected gradient is below 1e-8 in every variable; that cannot be changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
+    /// How to search.
+    pub method: Method,
     /// Stop as soon as `f` is no larger.
     pub target: Option<f64>,
     /// Stop when two iterations running change `f` by less than this; 0: never.
@@ -43,6 +56,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
+            method: Method::Lbfgs,
             target: None,
             f_tol_abs: 1e-6,
             f_tol_rel: 0.0,

@@ -1,4 +1,4 @@
-//! NLopt's `LD_LBFGS` behind a function that neither hangs, aborts nor loses the best point.
+//! NLopt's `LD_LBFGS` and `GN_DIRECT_L` behind a function that neither hangs, aborts nor loses the best point.
 
 use std::any::Any;
 use std::cell::RefCell;
@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use nlopt::{Algorithm, FailState, Nlopt, SuccessState, Target};
 
-use super::{Interrupt, OptimError, Options, Outcome, StopReason};
+use super::{Interrupt, Method, OptimError, Options, Outcome, StopReason};
 
 /// Minimises `f` over the box `lower <= x <= upper`, from `x0`.
 ///
@@ -51,7 +51,11 @@ where
     let result = {
         let objective =
             |x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().call(x, gradient);
-        let mut opt = Nlopt::new(Algorithm::Lbfgs, x0.len(), objective, Target::Minimize, ());
+        let algorithm = match options.method {
+            Method::Lbfgs => Algorithm::Lbfgs,
+            Method::DirectL => Algorithm::DirectL,
+        };
+        let mut opt = Nlopt::new(algorithm, x0.len(), objective, Target::Minimize, ());
         let accepted = |result: nlopt::OptResult, what| match result {
             Ok(_) => Ok(()),
             Err(_) => Err(OptimError::Nlopt(what)),
@@ -240,6 +244,19 @@ mod tests {
         g[0] = -2.0 * a - 400.0 * x[0] * b;
         g[1] = 200.0 * b;
         ControlFlow::Continue(a * a + 100.0 * b * b)
+    }
+
+    #[test]
+    fn dividing_the_box_finds_the_deeper_of_two_minima() {
+        // In each variable one of depth 0.3 at 0.2 and one of 0.5 at 0.8.
+        let well = |x: f64, at: f64| (-((x - at) / 0.08).powi(2)).exp();
+        let f = |x: &[f64], _: &mut [f64]| {
+            ControlFlow::Continue(-x.iter().map(|&x| 0.3 * well(x, 0.2) + 0.5 * well(x, 0.8)).sum::<f64>())
+        };
+        let options = Options { method: Method::DirectL, max_evaluations: Some(1500), ..Options::default() };
+        let o = minimize(&[0.2; 3], &[0.0; 3], &[1.0; 3], &options, f).unwrap();
+        assert!(o.x.iter().all(|x| (x - 0.8).abs() < 0.02), "{o:?}");
+        assert!(o.evaluations <= 1500);
     }
 
     #[test]

@@ -474,12 +474,18 @@ fn lights_are_chosen_as_often_as_they_say() {
     assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-6);
     let mut random = Random::new(&[18]);
     let mut counts = Counts { cells: vec![0; weights.len()], absorbed: 0 };
+    // What is left of the variate is uniform: for the lights chosen often enough, in tenths.
+    let mut rests = vec![Counts { cells: vec![0; 10], absorbed: 0 }; weights.len()];
     for _ in 0..N {
-        let (i, pmf) = sampler.sample(random.next()).unwrap();
+        let (i, pmf, rest) = sampler.sample(random.next()).unwrap();
         assert_eq!(pmf, sampler.pmf(i));
         counts.cells[i as usize] += 1;
+        rests[i as usize].cells[(rest * 10.0) as usize] += 1;
     }
     assert!(counts.p_value(&probabilities) > 0.01);
+    for i in [0, 1, 3, 4] {
+        assert!(rests[i].p_value(&[0.1; 10]) > sidak_level(0.01, 4));
+    }
     assert_eq!(sampler.sample(0.0).unwrap().0, 0);
     assert_eq!(sampler.sample(lightopt_embree::math::ONE_MINUS_EPSILON).unwrap().0, 4);
     assert!(LightSampler::new(&[]).sample(0.5).is_none());
@@ -533,5 +539,33 @@ fn emitted_directions_follow_their_density() {
         let p = counts.p_value(&probabilities);
         println!("emission of {}: p {p:.4}, ∫pdf {:.6}", light.name, probabilities.iter().sum::<f64>());
         assert!(p > level, "{}: p {p:.1e}", light.name);
+    }
+}
+
+/// ρ follows its density, whatever is in focus: a χ² over bins that end where the
+/// mixture's parts do.
+#[test]
+fn sizes_follow_their_density() {
+    let range = [0.1, 2.0];
+    let densities = [SizeDensity::any_size(range), SizeDensity::focused(range, 0.7)];
+    for density in densities {
+        let edges = [0.0, 0.05, 0.1, 0.2, 0.4, 0.55, 0.7, 1.0, 1.4, 1.7, 2.0_f32];
+        let probabilities: Vec<f64> = edges
+            .windows(2)
+            .map(|e| {
+                let n = 4000;
+                let step = (e[1] - e[0]) / n as f32;
+                let rho = |i: i32| e[0] + (i as f32 + 0.5) * step;
+                (0..n).map(|i| f64::from(density.pdf_over_rho(rho(i)) * rho(i) * step)).sum()
+            })
+            .collect();
+        assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-4, "{probabilities:?}");
+        let mut random = Random::new(&[20]);
+        let mut counts = Counts { cells: vec![0; probabilities.len()], absorbed: 0 };
+        for _ in 0..N {
+            let rho = density.sample(random.next());
+            counts.cells[edges[1..].partition_point(|&e| e < rho)] += 1;
+        }
+        assert!(counts.p_value(&probabilities) > sidak_level(0.01, densities.len()), "{density:?}");
     }
 }

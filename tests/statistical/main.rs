@@ -7,6 +7,7 @@ mod basket;
 mod bsdf;
 mod light;
 mod mitsuba;
+mod noise;
 mod spawn;
 mod surroundings;
 mod transport;

@@ -15,12 +15,8 @@ use crate::support::{
     scenes,
 };
 
-const PATH: Integrator = Integrator {
-    kind: IntegratorKind::Path,
-    max_depth: 8,
-    heuristic: Heuristic::Power,
-    direct_samples: DIRECT,
-};
+const PATH: Integrator =
+    Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power, light_samples: 4 };
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]

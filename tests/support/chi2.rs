@@ -87,6 +87,7 @@ impl Partition {
 }
 
 /// Samples counted per cell; the last count is of samples that are absorbed.
+#[derive(Clone)]
 pub struct Counts {
     pub cells: Vec<u64>,
     pub absorbed: u64,

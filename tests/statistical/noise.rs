@@ -1,0 +1,171 @@
+//! f_q from few samples: unbiased, with an error bar that tells the truth.
+
+use glam::Vec3;
+use lightopt_embree::{
+    design::{
+        Camera,
+        evaluator::{Evaluator, Scratch},
+    },
+    integrator::{Integrator, IntegratorKind, aov},
+    light::SizeDensity,
+    math::stats::Moments,
+    objective::{JackknifeEstimate, LuminanceMode, Objective, Target},
+    params::{ParamVector, Scale, Variable, VariableKind},
+    sampler::SamplerKind,
+    scene::{Scene, material::Model},
+    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+use crate::support::scenes;
+
+const N_SEEDS: u64 = 200;
+const REPLICATES: u32 = 4;
+const SIZES: [f32; 2] = [0.1, 1.6];
+const LARGEST_VALUE: f32 = 1.2;
+
+/// A ball in a room with two lamps; the room is the background.
+fn scene() -> Scene {
+    let (mut s, mut m) = scenes::room();
+    m.push(scenes::material("ball", Model::Plastic, [0.6, 0.4, 0.3], 0.3));
+    let room = s.mesh.indices.len();
+    s.sphere(Vec3::new(0.1, 0.5, 0.1), 0.45, 12, true, 3);
+    let lights = vec![
+        scenes::rectangle("panel", Vec3::new(0.0, 1.9, 0.2), Vec3::NEG_Y, 0.3, 0.3),
+        scenes::sphere_light("bulb", Vec3::new(0.6, 1.4, -0.3), 0.12),
+    ];
+    let mut scene = Scene::new("ball", s.mesh, m, lights, scenes::room_camera((24, 18))).unwrap();
+    scene.is_main = (0..scene.is_main.len()).map(|i| i >= room).collect();
+    scene.set_background(vec![0, 1, 2]);
+    scene
+}
+
+fn integrator() -> Integrator {
+    Integrator { kind: IntegratorKind::Path, max_depth: 5, ..Integrator::default() }
+}
+
+fn lighting() -> LightingPoint {
+    LightingPoint { radiance: vec![6.0, 20.0], size: vec![0.4, 0.25], value: 0.7 }
+}
+
+fn objective(scene: &Scene) -> Objective {
+    let aovs = aov::trace(scene);
+    let target = Target::resolve("high-key").unwrap();
+    Objective::new(&target, aovs.width, aovs.height, &aovs.mask).unwrap()
+}
+
+/// A rendered basis of the scene with fine knots around the lighting.
+fn basis(scene: &mut Scene, seed: u64, spp: u32) -> TransportBasis {
+    let x = lighting();
+    let bins = scene.lights.iter_mut().zip(&x.size).map(|(light, &at)| {
+        light.size_density = SizeDensity::any_size(SIZES);
+        SizeBins::Free(Knots::around(f64::from(SIZES[0]), f64::from(SIZES[1]), at, 0.1, 20))
+    });
+    let bins = bins.collect();
+    scene.set_background_value(LARGEST_VALUE, LARGEST_VALUE);
+    let nodes = ValueNodes::new(f64::from(LARGEST_VALUE), 5);
+    let mut basis = TransportBasis::new(Layout::new(scene.camera.size(), bins, nodes), REPLICATES as usize);
+    let source = Source { scene, integrator: &integrator(), sampler: SamplerKind::Sobol, seed };
+    basis.render(source, spp / REPLICATES, &()).unwrap();
+    basis
+}
+
+/// f_q of ordinary renders of a lighting, their error far below those asked about.
+fn truth(scene: &mut Scene, x: &LightingPoint, objective: &Objective, spp: u32) -> f64 {
+    for (i, (&radiance, &size)) in x.radiance.iter().zip(&x.size).enumerate() {
+        scene.set_light(i, radiance as f32, size as f32);
+    }
+    scene.set_background_value(x.value as f32, x.value as f32);
+    let camera =
+        Camera { integrator: integrator(), sampler: SamplerKind::Sobol, luminance: LuminanceMode::Srgb };
+    let shot = camera.shoot(scene, 987, spp, 8, &()).unwrap();
+    shot.measure(objective).unwrap().estimate.evaluation.f_q
+}
+
+/// f_q at `u` of a basis.
+fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &[f64]) -> JackknifeEstimate {
+    let fixed = lighting();
+    let luminance = LuminanceMode::Srgb;
+    let evaluator = Evaluator { basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
+    evaluator.estimate(u, &mut Scratch::default()).unwrap()
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn the_error_bar_covers_the_truth_and_the_bias_is_gone() {
+    let mut scene = scene();
+    let objective = objective(&scene);
+    let truth = truth(&mut scene, &lighting(), &objective, 4 * 4096);
+    let nothing = ParamVector { variables: Vec::new() };
+    for spp in [16, 64] {
+        let (mut found, mut naive, mut covered) = (Moments::default(), Moments::default(), 0);
+        for seed in 0..N_SEEDS {
+            let e = estimate(&basis(&mut scene, seed, spp), &objective, &nothing, &[]);
+            found.push(e.evaluation.f_q - truth);
+            naive.push(e.naive - truth);
+            covered += u32::from((e.evaluation.f_q - truth).abs() <= e.error_bar());
+        }
+        let share = f64::from(covered) / N_SEEDS as f64;
+        println!(
+            "{spp} spp: bias {:+.5} ± {:.5}, naive {:+.5}; the bar covers {:.1} %",
+            found.mean(),
+            found.variance_of_mean().sqrt(),
+            naive.mean(),
+            100.0 * share
+        );
+        assert!(share >= 0.90, "{spp}: {share}");
+        assert!(spp < 64 || found.mean().abs() < 0.003, "{}", found.mean());
+        // With few samples f_q of the mean picture drifts, by more than twice as much.
+        let drift = naive.mean().abs();
+        assert!(spp > 16 || drift > 5.0 * naive.variance_of_mean().sqrt(), "{drift}");
+        assert!(spp > 16 || drift > 2.0 * found.mean().abs(), "{drift} {}", found.mean());
+    }
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn a_check_at_an_optimum_tells_the_truth() {
+    let mut scene = scene();
+    let objective = objective(&scene);
+    let variable = |name: &str, upper: f64, kind| Variable {
+        name: name.into(),
+        unit: "",
+        lower: 0.0,
+        upper,
+        initial: 1.0,
+        scale: Scale::Linear,
+        kind,
+    };
+    let variables = ParamVector {
+        variables: vec![
+            variable("panel", 16.0, VariableKind::Radiance(0)),
+            variable("bulb", 40.0, VariableKind::Radiance(1)),
+            variable("value", f64::from(LARGEST_VALUE), VariableKind::Background),
+        ],
+    };
+    let points: Vec<Vec<f64>> =
+        (0..600).map(|i| (0..3).map(|d| f64::from(sobol_burley::sample(i, d, 5))).collect()).collect();
+    let (mut optimism, mut of_check) = (Moments::default(), Moments::default());
+    for seed in 0..40 {
+        let few = basis(&mut scene, seed, 2 * REPLICATES);
+        let f = |u: &Vec<f64>| estimate(&few, &objective, &variables, u).evaluation.f_q;
+        let (least, u) = points.iter().map(|u| (f(u), u)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        // Other samples at the point found.
+        let fresh = basis(&mut scene, seed + 1000, 64);
+        let check = estimate(&fresh, &objective, &variables, u).evaluation.f_q;
+        let truth =
+            truth(&mut scene, &variables.lighting(lighting(), &variables.decode(u)), &objective, 1024);
+        optimism.push(check - least);
+        of_check.push(check - truth);
+    }
+    let z = |m: &Moments| m.mean() / m.variance_of_mean().sqrt();
+    println!(
+        "check minus estimate {:+.4} (z {:.1}); check minus truth {:+.4} (z {:.1})",
+        optimism.mean(),
+        z(&optimism),
+        of_check.mean(),
+        z(&of_check)
+    );
+    assert!(of_check.mean().abs() < 0.003, "{}", of_check.mean());
+    // The check is no worse than its own error: it chose nothing.
+    assert!(of_check.variance_of_mean() < optimism.variance_of_mean());
+}
