@@ -22,7 +22,7 @@
 //! | [`files`] | atomic writing, TOML with helpful errors |
 //! | [`embree`] | ray queries |
 //! | [`bsdf`], [`light`], [`camera`], [`sampler`] | the parts of light transport |
-//! | [`scene`] | OBJ, glTF and sidecar; what an integrator asks of geometry |
+//! | [`scene`] | OBJ, glTF and sidecar; staging; what an integrator asks of geometry |
 //! | [`film`] | contributions to pictures; EXR, PNG |
 //! | [`export`] | the scene for other renderers |
 //! | [`integrator`] | path tracing, bidirectional path tracing |
@@ -54,6 +54,8 @@
 //!   2018.
 //! - \[Heitz19\] E. Heitz, *A Low-Distortion Map Between Triangle and Square*, HAL
 //!   hal-02073696, 2019.
+//! - \[Hunter15\] F. Hunter, S. Biver, P. Fuqua, *Light: Science & Magic*, 5th ed., Focal
+//!   Press 2015.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.

@@ -11,6 +11,7 @@
 //!   initial.exr initial.png final.exr final.png
 //!   lights.toml         the lights found; `render --lights`, with the run's seed, size
 //!                       and final samples, makes final.exr's picture again
+//!   staging.toml        the sidecar made for a scene without one
 //! ```
 //!
 //! All but `timing.jsonl` are the same bytes for the same scene, options and
@@ -36,6 +37,8 @@ use crate::files::{
 
 /// The file that makes a directory a run directory.
 pub const MANIFEST: &str = "run.toml";
+/// The sidecar that was made for a scene without one.
+pub const STAGING: &str = "staging.toml";
 
 /// A run cannot be recorded.
 #[derive(Debug, thiserror::Error)]
@@ -176,8 +179,9 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 10] = [
+    const NAMES: [&str; 11] = [
         MANIFEST,
+        STAGING,
         "evaluations.jsonl",
         "iterations.jsonl",
         "timing.jsonl",

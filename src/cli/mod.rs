@@ -10,6 +10,7 @@ pub mod relight;
 pub mod render;
 pub mod run;
 pub mod scan;
+pub mod stage;
 
 use std::io::{self, Write};
 
@@ -30,6 +31,7 @@ pub struct Cli {
 enum Command {
     Run(run::RunArgs),
     Render(render::RenderArgs),
+    Stage(stage::StageArgs),
     Relight(relight::RelightArgs),
     Scan(scan::ScanArgs),
     Evaluate(evaluate::EvaluateArgs),
@@ -46,6 +48,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),
         Command::Render(args) => render::render(args),
+        Command::Stage(args) => stage::stage(args),
         Command::Relight(args) => relight::relight(args),
         Command::Scan(args) => scan::scan(args),
         Command::Evaluate(args) => evaluate::evaluate(args),

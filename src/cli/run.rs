@@ -18,6 +18,7 @@ use super::{
     progress::{Console, catch_interrupts},
 };
 use crate::{
+    audit::{STAGING, write_whole},
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable, attainable::Reach},
     objective::Term,
     photo::Look,
@@ -37,7 +38,7 @@ use crate::{
 ///
 /// SCENE is a Wavefront OBJ or glTF (.obj, .glb, .gltf). Beside it a sidecar of the same name
 /// ending in .toml gives camera, main object and lights; a glTF may bring its own camera and
-/// lights. A name that is not found is also sought in scenes/; the ending may be left out.
+/// lights. A scene that has none is staged: see `stage --help`. A name that is not found is also sought in scenes/; the ending may be left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree run fruit_basket.obj\n  \
@@ -223,7 +224,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             max_evaluations: args.max_evaluations,
             force: args.force,
         };
-        Ok((design::run(&mut scene, &scene_path, &options, &console)?, jobs))
+        let reports = design::run(&mut scene, &scene_path, &options, &console)?;
+        if let Some(sidecar) = &scene.staging {
+            for job in &jobs {
+                write_whole(&job.out.join(STAGING), sidecar)?;
+            }
+        }
+        Ok((reports, jobs))
     });
     console.finish();
     let (reports, jobs) = done?;

@@ -1,7 +1,8 @@
-//! Files that users write and read: TOML with helpful errors, atomic writing.
+//! Files that users write and read: encodings, TOML with helpful errors, atomic writing.
 
 pub mod atomic;
 mod nearest;
+pub mod text;
 pub mod toml_file;
 
 pub use atomic::write_atomically;

@@ -1,6 +1,8 @@
 //! Merges scene file and sidecar into a [`Scene`] and checks both.
 
 mod lights;
+mod place;
+mod select;
 
 use std::{
     fs,
@@ -14,11 +16,12 @@ use super::{
     Scene,
     find::ending,
     gltf,
-    imported::ImportedCamera,
+    imported::{Imported, ImportedCamera},
     material::{Coats, Material, MaterialParams, Model},
     obj,
-    sidecar::{MaterialSpec, SCHEMA, Selection, Sidecar},
-    wavefront::{LineError, Part},
+    sidecar::{DEFAULT_CREASE, MaterialSpec, SCHEMA, Selection, Sidecar},
+    stage::{self, StageOptions, Staging},
+    wavefront::LineError,
 };
 use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
@@ -28,6 +31,7 @@ use crate::{
 };
 
 pub use super::find::find;
+pub(super) use place::place;
 
 /// A scene could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -41,11 +45,6 @@ pub enum SceneError {
     NotScene { path: PathBuf },
     #[error("{path}: cannot read the sidecar, which gives camera, main object and lights", path = path.display())]
     Sidecar { path: PathBuf, source: std::io::Error },
-    #[error(
-        "{path}: no such sidecar, and {scene} has no camera; write one with [camera], or export the scene with its camera",
-        path = path.display(), scene = scene.display()
-    )]
-    NoCamera { path: PathBuf, scene: PathBuf },
     #[error("{path}: cannot read the scene", path = path.display())]
     Read { path: PathBuf, source: std::io::Error },
     #[error("{path}: cannot read OBJ or MTL", path = path.display())]
@@ -94,27 +93,42 @@ pub struct LightBounds {
     pub is_from_file: bool,
 }
 
-/// Loads `path` (see [`find`]) and the sidecar beside it, which a glTF with a
-/// camera can do without.
+/// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
+/// (see [`mod@stage`]), unless it is a glTF with camera and lights.
 ///
 /// # Errors
 /// With the file, the key and what is allowed.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
     let scene_path = find(path)?;
     let toml_path = scene_path.with_extension("toml");
-    let is_obj = ending(&scene_path) == Some("obj");
-    let (text, has_sidecar) = match fs::read_to_string(&toml_path) {
-        Ok(text) => (text, true),
-        Err(e) if e.kind() == ErrorKind::NotFound && !is_obj => (format!("schema = {SCHEMA}"), false),
+    let written = match fs::read_to_string(&toml_path) {
+        Ok(text) => Some(text),
+        Err(e) if e.kind() == ErrorKind::NotFound => None,
         Err(source) => return Err(SceneError::Sidecar { path: toml_path, source }),
     };
-    let sidecar = Sidecar::parse(&toml_path, &text)?;
-    let builder = Builder { scene_path: &scene_path, toml_path: &toml_path, is_obj, has_sidecar };
-    let mut scene = builder.build(&sidecar)?;
+    let builder = Builder::new(&scene_path, &toml_path, written.is_some());
+    let mut scene = match written {
+        Some(text) => {
+            let sidecar = Sidecar::parse(&toml_path, &text)?;
+            builder.check_required(&sidecar)?;
+            builder.build(&sidecar, builder.import(sidecar.crease_angle)?)?
+        }
+        None => builder.build_alone()?,
+    };
     if scene_path != path {
         scene.warnings.insert(0, format!("using {}", scene_path.display()));
     }
     Ok(scene)
+}
+
+/// Stages `path` (see [`find`] and [`mod@stage`]), whatever its sidecar says.
+///
+/// # Errors
+/// When the scene cannot be read, or the options name an object that it has not.
+pub fn stage(path: &Path, options: &StageOptions) -> Result<Staging, SceneError> {
+    let builder = Builder::new(path, path, false);
+    let imported = builder.import(DEFAULT_CREASE)?;
+    builder.stage(&imported, options)
 }
 
 /// Names listed in a message, at most.
@@ -134,7 +148,47 @@ struct Builder<'a> {
     has_sidecar: bool,
 }
 
+impl<'a> Builder<'a> {
+    fn new(scene_path: &'a Path, toml_path: &'a Path, has_sidecar: bool) -> Self {
+        Self { scene_path, toml_path, is_obj: ending(scene_path) == Some("obj"), has_sidecar }
+    }
+}
+
 impl Builder<'_> {
+    /// Builds a scene that has no sidecar.
+    fn build_alone(&self) -> Result<Scene, SceneError> {
+        let imported = self.import(DEFAULT_CREASE)?;
+        if stage::is_complete(&imported) {
+            return self.build(&Sidecar::parse(self.toml_path, &format!("schema = {SCHEMA}"))?, imported);
+        }
+        let Staging { text, summary } = self.stage(&imported, &StageOptions::default())?;
+        let mut scene = self.build(&Sidecar::parse(self.toml_path, &text)?, imported)?;
+        let (file, sidecar) = (self.scene_path.display(), self.toml_path.display());
+        scene.warnings.push(format!("{file}: {summary}; `stage` writes this as {sidecar} to edit"));
+        Ok(Scene { staging: Some(text), ..scene })
+    }
+
+    fn stage(&self, imported: &Imported, options: &StageOptions) -> Result<Staging, SceneError> {
+        let objects = options.main_object.clone();
+        let named = Selection { objects, ..Selection::default() };
+        let is_main = match options.main_object.is_empty() {
+            true => None,
+            false => Some(self.select_main("--main-object", &named, imported)?),
+        };
+        let file = self.scene_path.file_name().unwrap_or_default().to_string_lossy();
+        stage::stage(&file, self.is_obj, imported, is_main, options)
+            .map_err(|source| SceneError::Embree { path: self.scene_path.into(), source })
+    }
+
+    /// What an OBJ's sidecar must have.
+    fn check_required(&self, sidecar: &Sidecar) -> Result<(), SceneError> {
+        let required = [(sidecar.camera.is_none(), "camera"), (sidecar.main_object.is_none(), "main_object")];
+        match required.iter().find(|(is_missing, _)| self.is_obj && *is_missing) {
+            Some((_, field)) => Err(self.missing(field)),
+            None => Ok(()),
+        }
+    }
+
     fn error(&self, key: impl Into<String>, message: impl Into<String>) -> SceneError {
         SceneError::Key { path: self.toml_path.to_path_buf(), key: key.into(), message: message.into() }
     }
@@ -157,22 +211,14 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn build(&self, sidecar: &Sidecar) -> Result<Scene, SceneError> {
-        if !(0.0..=180.0).contains(&sidecar.crease_angle) {
-            let message = format!("must be in [0, 180] degrees, got {}", sidecar.crease_angle);
-            return Err(self.error("crease_angle", message));
-        }
-        let parts = if self.is_obj {
-            let required =
-                [(sidecar.camera.is_none(), "camera"), (sidecar.main_object.is_none(), "main_object")];
-            if let Some((_, field)) = required.iter().find(|(is_missing, _)| *is_missing) {
-                return Err(self.missing(field));
-            }
-            obj::load(self.scene_path, sidecar.crease_angle.to_radians())?
-        } else {
-            gltf::load(self.scene_path)?
-        };
+    fn build(&self, sidecar: &Sidecar, mut parts: Imported) -> Result<Scene, SceneError> {
+        self.place(sidecar, &mut parts)?;
         let camera = self.camera(sidecar, parts.camera)?;
+        let mut is_main = self.main_object(sidecar, &mut parts)?;
+        if let Some(spec) = &sidecar.backdrop {
+            self.add_backdrop(spec, &mut parts)?;
+            is_main.resize(parts.mesh.indices.len(), false);
+        }
         let mut warnings = parts.warnings;
         for name in sidecar.materials.keys() {
             if !parts.materials.iter().any(|(n, _)| n == name) {
@@ -193,15 +239,6 @@ impl Builder<'_> {
             })
             .collect::<Result<_, SceneError>>()?;
         let mesh = parts.mesh;
-        let is_main = match &sidecar.main_object {
-            Some(selection) => self.select_main(selection, &mesh, &parts.parts, &materials)?,
-            None => {
-                let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
-                warnings
-                    .push(format!("{} {reason}: everything is the main object", self.toml_path.display()));
-                vec![true; mesh.indices.len()]
-            }
-        };
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
@@ -228,6 +265,19 @@ impl Builder<'_> {
             warnings,
             ..scene
         })
+    }
+
+    /// What the scene file holds.
+    fn import(&self, crease_angle: f32) -> Result<Imported, SceneError> {
+        if !(0.0..=180.0).contains(&crease_angle) {
+            let message = format!("must be in [0, 180] degrees, got {}", crease_angle);
+            return Err(self.error("crease_angle", message));
+        }
+        if self.is_obj {
+            obj::load(self.scene_path, crease_angle.to_radians())
+        } else {
+            gltf::load(self.scene_path)
+        }
     }
 
     fn override_material(
@@ -299,60 +349,6 @@ impl Builder<'_> {
         self.error(key, message)
     }
 
-    /// Indices of the names that a pattern (a name, or a beginning and `*`) matches.
-    fn matches<'n>(
-        &self,
-        key: &str,
-        pattern: &str,
-        names: impl Iterator<Item = &'n str> + Clone,
-    ) -> Result<Vec<usize>, SceneError> {
-        let is_match = |n: &str| match pattern.strip_suffix('*') {
-            Some(start) => n.starts_with(start),
-            None => n == pattern,
-        };
-        let found: Vec<usize> =
-            names.clone().enumerate().filter(|(_, n)| is_match(n)).map(|(i, _)| i).collect();
-        if found.is_empty() { Err(self.unknown_name(key, pattern, names)) } else { Ok(found) }
-    }
-
-    fn select_main(
-        &self,
-        selection: &Selection,
-        mesh: &super::Mesh,
-        parts: &[Part],
-        materials: &[Material],
-    ) -> Result<Vec<bool>, SceneError> {
-        let mut names: Vec<&str> = parts.iter().flat_map(Part::names).collect();
-        names.sort_unstable();
-        names.dedup();
-        let mut main_object = vec![false; parts.len()];
-        let mut main_material = vec![false; materials.len()];
-        for pattern in &selection.objects {
-            for i in self.matches("main_object.objects", pattern, names.iter().copied())? {
-                for (is_main, part) in main_object.iter_mut().zip(parts) {
-                    *is_main |= part.names().any(|n| n == names[i]);
-                }
-            }
-        }
-        for pattern in &selection.materials {
-            for i in
-                self.matches("main_object.materials", pattern, materials.iter().map(|m| m.name.as_str()))?
-            {
-                main_material[i] = true;
-            }
-        }
-        let is_main: Vec<bool> = mesh
-            .objects
-            .iter()
-            .zip(&mesh.materials)
-            .map(|(&o, &m)| main_object[o as usize] || main_material[m as usize])
-            .collect();
-        if !is_main.contains(&true) {
-            return Err(self.error("main_object", "names no triangle; give `objects` or `materials`"));
-        }
-        Ok(is_main)
-    }
-
     fn background(
         &self,
         sidecar: &Sidecar,
@@ -396,10 +392,7 @@ impl Builder<'_> {
         let Some(c) = &sidecar.camera else {
             return match imported {
                 Some(c) => self.imported_camera(&c),
-                None if self.has_sidecar => Err(self.missing("camera")),
-                None => {
-                    Err(SceneError::NoCamera { path: self.toml_path.into(), scene: self.scene_path.into() })
-                }
+                None => Err(self.missing("camera")),
             };
         };
         if !(c.vfov > 0.0 && c.vfov < 180.0) {

@@ -1,6 +1,7 @@
 //! The scene: geometry, materials, lights, camera, and the questions an
 //! integrator asks of them.
 
+pub mod backdrop;
 pub mod builder;
 mod find;
 pub mod gltf;
@@ -13,6 +14,7 @@ pub mod mtl_params;
 pub mod obj;
 pub mod relief;
 pub mod sidecar;
+pub mod stage;
 pub mod texture;
 pub mod wavefront;
 
@@ -77,6 +79,8 @@ pub struct Scene {
     pub free: sidecar::FreeVariables,
     /// Facts found while loading that a user should hear of.
     pub warnings: Vec<String>,
+    /// The sidecar that was made for a scene without one.
+    pub staging: Option<String>,
     /// The emissive mesh that a material belongs to.
     emitters: Vec<Option<LightId>>,
     /// By material.
@@ -159,6 +163,7 @@ impl Scene {
             value_range: None,
             free: sidecar::FreeVariables::default(),
             warnings: Vec::new(),
+            staging: None,
         })
     }
 

@@ -50,6 +50,7 @@ use super::{
     mtl_params::{self, grey},
     wavefront::{self, Part, PlainObj},
 };
+use crate::files::text::decode;
 
 /// Name of the material of faces without one.
 const NO_NAME: &str = "(none)";
@@ -62,8 +63,7 @@ const NO_NAME: &str = "(none)";
 /// When the OBJ, an MTL or a texture cannot be understood, or no triangle is left.
 pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
     let bytes = fs::read(path).map_err(|source| SceneError::Read { path: path.into(), source })?;
-    let plain =
-        wavefront::plain_obj(&String::from_utf8_lossy(&bytes)).map_err(|e| SceneError::at(path, e))?;
+    let plain = wavefront::plain_obj(&decode(&bytes)).map_err(|e| SceneError::at(path, e))?;
     let mut warnings = Vec::new();
     for (line, keyword) in &plain.unsupported {
         warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
@@ -135,8 +135,8 @@ fn material_library(
                 }
             };
             let directory = file.parent().unwrap_or(Path::new(""));
-            let (materials, notes) = mtl::parse(&String::from_utf8_lossy(&bytes), directory)
-                .map_err(|e| SceneError::at(&file, e))?;
+            let (materials, notes) =
+                mtl::parse(&decode(&bytes), directory).map_err(|e| SceneError::at(&file, e))?;
             warnings.extend(notes.into_iter().map(|n| format!("{}: {n}", file.display())));
             for m in materials {
                 // The last definition of a name counts.

@@ -5,6 +5,8 @@
 //! exposure = 1.0                    # factor on luminance before sRGB encoding
 //! free = ["radiance", "size", "background"]   # what may vary (default: all)
 //! crease_angle = 40.0               # degrees; for an OBJ's meshes without normals
+//! scale = 0.01                      # metres per unit of an OBJ (default: 1)
+//! up_axis = "z"                     # which way is up in an OBJ: y (default) or z
 //!
 //! [camera]                          # default: the camera of a glTF
 //! position = [0.0, 0.5, 1.5]        # metres
@@ -16,8 +18,20 @@
 //! focus_distance = 1.6              # of the plane in focus, metres (default: that of look_at)
 //!
 //! [main_object]                     # default: all of a glTF
-//! objects = ["apple", "basket_*"]   # OBJ `o`/`g`, glTF node or mesh names; a trailing * matches any ending
+//! objects = ["apple", "basket_*"]   # OBJ `o`/`g`, glTF node or mesh names; a trailing * matches any
+//!                                   # ending, a lone * all of the file
 //! materials = []                    # and/or names of materials
+//! inside = [[-0.2, 0.0, -0.2], [0.2, 0.4, 0.2]]   # and/or all triangles in a box, metres
+//!
+//! [backdrop]                        # a seamless sweep that is added: floor, cove and wall
+//! position = [0.0, 0.0, 0.0]        # a point of the floor, below the subject
+//! turn = 30.0                       # degrees about +y; at 0 the wall faces +z
+//! front = 3.0                       # from there to the floor's front edge, metres
+//! back = 2.0                        # and to the wall
+//! width = 6.0
+//! height = 4.0                      # of the wall
+//! radius = 1.0                      # of the cove (default: half of the lesser of back and height)
+//! base_color = [0.6, 0.6, 0.6]      # [materials.backdrop] takes the rest
 //!
 //! [background]
 //! materials = ["wall", "table"]     # default: all that the main object does not use
@@ -75,6 +89,8 @@ use super::{builder::SceneError, material::Model};
 
 /// Version of the sidecar format.
 pub const SCHEMA: u32 = 1;
+/// Largest smooth bend of meshes without normals where the sidecar does not say, degrees.
+pub const DEFAULT_CREASE: f32 = 40.0;
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
@@ -91,10 +107,16 @@ pub struct Sidecar {
     /// Largest bend of an edge that is still smooth, degrees.
     #[serde(default = "default_crease")]
     pub crease_angle: f32,
+    /// Metres per unit of an OBJ.
+    pub scale: Option<f32>,
+    /// Which way is up in an OBJ.
+    pub up_axis: Option<UpAxis>,
     /// Camera; a glTF may bring its own.
     pub camera: Option<CameraSpec>,
     /// Main object; absent it is all of a glTF.
     pub main_object: Option<Selection>,
+    /// Seamless sweep behind and below the subject.
+    pub backdrop: Option<BackdropSpec>,
     /// Background materials and value.
     #[serde(default)]
     pub background: BackgroundSpec,
@@ -104,6 +126,17 @@ pub struct Sidecar {
     /// Material overrides by name.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// +y, as OBJ has it.
+    #[default]
+    Y,
+    /// +z, as CAD programs have it; +y is then to the back.
+    Z,
 }
 
 /// A kind of variable.
@@ -171,6 +204,33 @@ pub struct Selection {
     /// Material names.
     #[serde(default)]
     pub materials: Vec<String>,
+    /// Least and largest corner of a box, metres: all triangles within.
+    pub inside: Option<[[f32; 3]; 2]>,
+}
+
+/// `[backdrop]`: a floor that bends up into a wall.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BackdropSpec {
+    /// A point of the floor, metres.
+    #[serde(default)]
+    pub position: [f32; 3],
+    /// Degrees about +y; at 0 the wall faces +z.
+    #[serde(default)]
+    pub turn: f32,
+    /// From the position to the floor's front edge, metres.
+    pub front: f32,
+    /// From the position to the wall, metres.
+    pub back: f32,
+    /// Metres.
+    pub width: f32,
+    /// Of the wall, metres.
+    pub height: f32,
+    /// Of the cove, metres; absent it is half of the lesser of `back` and `height`.
+    pub radius: Option<f32>,
+    /// Linear Rec.709.
+    #[serde(default = "light_grey")]
+    pub base_color: [f32; 3],
 }
 
 /// `[background]`.
@@ -289,7 +349,10 @@ fn default_size() -> [u32; 2] {
     [640, 480]
 }
 fn default_crease() -> f32 {
-    40.0
+    DEFAULT_CREASE
+}
+fn light_grey() -> [f32; 3] {
+    [0.6; 3]
 }
 
 impl Sidecar {

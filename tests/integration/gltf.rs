@@ -325,18 +325,24 @@ fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
 }
 
 #[test]
-fn without_camera_the_error_says_what_to_add() {
+fn without_camera_or_lights_a_gltf_is_staged() {
     let mut json = square();
     json["nodes"][2].as_object_mut().unwrap().remove("camera");
     let room = room_of(&json);
-    let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
-    assert!(
-        error.contains("s.toml: no such sidecar, and s.glb has no camera; write one with [camera]"),
-        "{error}"
-    );
+    let scene = builder::load(&room.path("s.glb")).unwrap();
+    let own = builder::load(&room_of(&square()).path("s.glb")).unwrap();
+    assert!(own.staging.is_none());
+    let staging = scene.staging.unwrap();
+    assert!(staging.contains("[camera]") && !staging.contains("scale"), "{staging}");
+    // Its own lights stay.
+    assert_eq!(scene.lights.len(), own.lights.len());
+    assert!(!staging.contains("[[lights]]"), "{staging}");
     room.write("s.toml", "schema = 1\n");
     let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
     assert!(error.contains("s.toml:1: missing field `camera`"), "{error}");
+    room.write("s.toml", "schema = 1\nscale = 2\n");
+    let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
+    assert!(error.contains("s.toml: `scale`: only for an OBJ: a glTF is in metres, y up"), "{error}");
 }
 
 #[test]

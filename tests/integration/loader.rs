@@ -52,6 +52,25 @@ fn indices_may_be_negative_and_point_ahead() {
 }
 
 #[test]
+fn files_may_be_utf16_or_latin1() {
+    let plain = format!("mtllib room.mtl\n{SQUARE}usemtl gr\u{fc}n\nf 1 2 3 4\n");
+    let mtl = "newmtl gr\u{fc}n\nKd 0 0.5 0\n";
+    let utf16 = |text: &str| -> Vec<u8> {
+        std::iter::once(0xfeff).chain(text.encode_utf16()).flat_map(u16::to_be_bytes).collect()
+    };
+    let latin1 = |text: &str| -> Vec<u8> { text.chars().map(|c| c as u8).collect() };
+    let room = Room::new();
+    for encode in [&utf16 as &dyn Fn(&str) -> Vec<u8>, &latin1] {
+        room.write("room.obj", encode(&plain));
+        room.write("room.mtl", encode(mtl));
+        let s = obj::load(&room.path("room.obj"), CREASE).unwrap();
+        assert!(s.warnings.is_empty(), "{:?}", s.warnings);
+        assert_eq!(s.mesh.indices.len(), 2);
+        assert_eq!((s.materials[0].0.as_str(), s.materials[0].1.base_color.y), ("gr\u{fc}n", 0.5));
+    }
+}
+
+#[test]
 fn polygons_become_triangles_of_the_same_area() {
     let pentagon = load_ok("v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 2 0\nv 0 1 0\nf 1 2 3 4 5\n");
     assert_eq!(pentagon.mesh.indices.len(), 3);
@@ -406,13 +425,11 @@ fn what_is_no_scene_is_one_line() {
     room.write("empty.toml", TOML);
     room.write("binary.obj", (0..=255).cycle().take(10_000).collect::<Vec<u8>>());
     room.write("binary.toml", TOML);
-    room.write("lonely.obj", OBJ);
     std::fs::create_dir(room.path("folder.obj")).unwrap();
     for (scene, wanted) in [
         ("empty.obj", "empty.obj: no triangle in this file"),
         ("binary.obj", "binary.obj: no triangle in this file"),
         ("folder.obj", "folder.obj: is a directory"),
-        ("lonely.obj", "lonely.toml: cannot read the sidecar"),
         ("rom.obj", "rom.obj: no such scene, and none in scenes/ either; did you mean `room.obj`?"),
         ("/no/such.obj", "/no/such.obj: no such scene"),
         ("room.toml", "room.toml: a scene is a Wavefront .obj or a glTF .glb/.gltf file"),

@@ -14,3 +14,4 @@ mod render;
 mod room;
 mod run;
 mod sidecar;
+mod stage;

@@ -82,7 +82,11 @@ fn what_is_missing_is_named() {
         ("look_at = [0.0, 0.3, 0.0]\n", "", "`lights.key.look_at`: a rectangle light needs this key"),
         ("\"sphere\"", "\"disk\"", "`lights.fill.look_at`: a disk light needs this key"),
         ("\"sphere\"", "\"spot\"", "`lights.fill.angle`: a spot light needs this key"),
-        ("objects = [\"box\"]", "", "`main_object`: names no triangle; give `objects` or `materials`"),
+        (
+            "objects = [\"box\"]",
+            "",
+            "`main_object`: names no triangle; give `objects`, `materials` or `inside`",
+        ),
     ]);
     let without = |from: &str, to: &str| {
         let (a, b) = (TOML.find(from).unwrap(), to.is_empty().then_some(TOML.len()));

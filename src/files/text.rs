@@ -1,0 +1,35 @@
+//! Text whose encoding the file does not say.
+
+use std::borrow::Cow;
+
+/// Decodes UTF-16 by its byte order mark, UTF-8, and what is neither as Latin-1, in
+/// which every byte is a character.
+#[must_use]
+pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
+    let utf16 = |rest: &[u8], unit: fn([u8; 2]) -> u16| {
+        let units = rest.chunks(2).map(|pair| unit([pair[0], pair.get(1).copied().unwrap_or(0)]));
+        let chars = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+        Cow::Owned(chars.collect())
+    };
+    match bytes {
+        [0xfe, 0xff, rest @ ..] => utf16(rest, u16::from_be_bytes),
+        [0xff, 0xfe, rest @ ..] => utf16(rest, u16::from_le_bytes),
+        _ => match std::str::from_utf8(bytes) {
+            Ok(text) => Cow::Borrowed(text),
+            Err(_) => Cow::Owned(bytes.iter().map(|&b| char::from(b)).collect()),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings_are_told_apart() {
+        for bytes in [&b"\xfe\xff\0f\0\xfc"[..], b"\xff\xfef\0\xfc\0", "fü".as_bytes(), b"f\xfc"] {
+            assert_eq!(decode(bytes), "fü", "{bytes:?}");
+        }
+        assert_eq!(decode(b"\xfe\xff\0f\0"), "f\0");
+    }
+}
