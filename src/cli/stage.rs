@@ -23,7 +23,7 @@ use crate::{
 /// writes the staging down, to be edited.
 ///
 /// The main object is all of the file or, if it stands on a floor or in a room, the largest
-/// group of touching objects there. A camera with a normal lens frames it from the front
+/// group of touching objects there, with those about as large. A camera with a normal lens frames it from the front
 /// (+z), a little from the right and from above. A scene without floor gets a seamless
 /// backdrop. A softbox is the key light, a larger one fills its shadows, and a light behind
 /// sets the main object off. The unit of an OBJ is guessed from its size.

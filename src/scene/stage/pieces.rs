@@ -33,6 +33,9 @@ const MAX_STANDING: f32 = 0.8;
 /// Pieces whose boxes are no farther apart, in diagonals of all but floor and walls, belong together.
 const TOUCHING: f32 = 0.01;
 
+/// Groups of this size, in that of the largest, are as much the subject.
+const EQUAL: f32 = 0.6;
+
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
@@ -213,7 +216,8 @@ fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) ->
     })
 }
 
-/// The group of touching pieces with the largest box.
+/// The group of touching pieces with the largest box, and those about as large: of a chess
+/// set more than a king.
 fn dominant<'a>(pieces: &[&'a Piece], gap: f32) -> Vec<&'a Piece> {
     let mut group: Vec<usize> = (0..pieces.len()).collect();
     for i in 0..pieces.len() {
@@ -228,14 +232,10 @@ fn dominant<'a>(pieces: &[&'a Piece], gap: f32) -> Vec<&'a Piece> {
     let members =
         |r: usize| (0..pieces.len()).filter(|&i| roots[i] == r).map(|i| pieces[i]).collect::<Vec<_>>();
     let size = |r: usize| bounds_of(&members(r)).extent().length();
-    let mut best: Option<(f32, usize)> = None;
-    for r in (0..pieces.len()).filter(|&i| roots[i] == i) {
-        let s = size(r);
-        if best.is_none_or(|(largest, _)| s > largest) {
-            best = Some((s, r));
-        }
-    }
-    best.map_or_else(Vec::new, |(_, r)| members(r))
+    let groups: Vec<(usize, f32)> =
+        (0..pieces.len()).filter(|&i| roots[i] == i).map(|r| (r, size(r))).collect();
+    let largest = groups.iter().map(|(_, s)| *s).fold(0.0, f32::max);
+    groups.iter().filter(|(_, s)| *s >= EQUAL * largest).flat_map(|(r, _)| members(*r)).collect()
 }
 
 /// The representative of a set, whose paths are halved on the way.
