@@ -23,8 +23,8 @@ use workshop::Workshop;
 /// same kind: a portrait (`girl`), a bulldog (`creature`) and a fruit basket, each lit in
 /// high-key and in low-key. Published numbers, where known, stand beside those found.
 ///
-/// Girl and creature come from scenes/fetch.sh; fig2, fig4, table1, table3 and convergence do
-/// without them.
+/// Girl and creature come from scenes/fetch.sh; fig2, fig4, table1 and convergence do without
+/// them.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree figures --quick\n  \
@@ -146,7 +146,7 @@ pub fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
     parts.dedup();
     manifest::check(&args.out, args.force)?;
     for part in &parts {
-        let studies = part.studies().iter().map(|s| s.scene);
+        let studies = part.studies().into_iter().map(|s| s.scene);
         for scene in studies.chain(part.needs_basket().then_some(BASKET)) {
             require(&args.scenes, scene)?;
         }
@@ -173,7 +173,7 @@ fn require(scenes: &Path, name: &str) -> anyhow::Result<()> {
     }
     bail!(
         "{}: no such scene; make it with scenes/fetch.sh, or do without it by \
-         --only fig2,fig4,table1,table3,convergence",
+         --only fig2,fig4,table1,convergence",
         path.display()
     );
 }

@@ -51,37 +51,41 @@ pub enum Anchor {
     Upward,
 }
 
-/// A picture in the making, white at first.
+/// A drawing with pictures on it.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     image: RgbImage,
 }
 
+/// Drawings are made this many times larger and then reduced: the letters of a bitmap
+/// backend are set on whole pixels.
+pub const SCALE: i32 = 3;
+
 impl Canvas {
-    /// A white canvas, pixels.
-    #[must_use]
-    pub fn new(width: u32, height: u32) -> Self {
-        Self { image: RgbImage::from_pixel(width, height, image::Rgb([255; 3])) }
+    /// Draws on white; lengths given to the functions of this module are in pixels of the
+    /// canvas, those given to `area` itself [`SCALE`] times as long.
+    ///
+    /// # Errors
+    /// What `draw` fails with, or when the font cannot be read.
+    pub fn drawn(
+        (width, height): (u32, u32),
+        draw: impl FnOnce(&Area) -> Result<(), FigureError>,
+    ) -> Result<Self, FigureError> {
+        // The font is part of the program: a headless machine may have none.
+        plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+            .map_err(|_| FigureError::Font)?;
+        let size = (width * SCALE as u32, height * SCALE as u32);
+        let mut large = RgbImage::from_pixel(size.0, size.1, image::Rgb([255; 3]));
+        let area = BitMapBackend::with_buffer(&mut large, size).into_drawing_area();
+        draw(&area)?;
+        area.present()?;
+        drop(area);
+        Ok(Self { image: image::imageops::thumbnail(&large, width, height) })
     }
 
     /// Puts a picture with its upper left corner at (x, y).
     pub fn paste(&mut self, picture: &RgbImage, x: u32, y: u32) {
         image::imageops::replace(&mut self.image, picture, i64::from(x), i64::from(y));
-    }
-
-    /// Draws on it.
-    ///
-    /// # Errors
-    /// What `draw` fails with, or when the font cannot be read.
-    pub fn draw<T>(&mut self, draw: impl FnOnce(&Area) -> Result<T, FigureError>) -> Result<T, FigureError> {
-        // The font is part of the program: a headless machine may have none.
-        plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-            .map_err(|_| FigureError::Font)?;
-        let size = self.image.dimensions();
-        let area = BitMapBackend::with_buffer(&mut self.image, size).into_drawing_area();
-        let out = draw(&area)?;
-        area.present()?;
-        Ok(out)
     }
 
     /// As PNG.
@@ -102,7 +106,7 @@ impl Canvas {
 pub fn text(
     area: &Area,
     words: &str,
-    (x, y): (i32, i32),
+    at: (i32, i32),
     size: u32,
     color: RGBColor,
     anchor: Anchor,
@@ -112,18 +116,49 @@ pub fn text(
         Anchor::Right => HPos::Right,
         Anchor::Center | Anchor::Upward => HPos::Center,
     };
-    let font = ("sans-serif", size).into_font();
+    let font = ("sans-serif", size * SCALE as u32).into_font();
     let font = if anchor == Anchor::Upward { font.transform(FontTransform::Rotate270) } else { font };
     let style = font.color(&color).pos(Pos::new(h, VPos::Center));
-    Ok(area.draw(&Text::new(words.to_owned(), (x, y), style))?)
+    Ok(area.draw(&Text::new(words.to_owned(), scaled(at), style))?)
 }
 
-/// A straight line, one pixel or more wide.
+/// Length of a text of a height, pixels.
+///
+/// # Errors
+/// When the font cannot be read.
+pub fn length(words: &str, size: u32) -> Result<u32, FigureError> {
+    let font = ("sans-serif", size * SCALE as u32).into_font();
+    let (width, _) = font.box_size(words).map_err(|_| FigureError::Font)?;
+    Ok(width.div_ceil(SCALE as u32))
+}
+
+fn scaled((x, y): (i32, i32)) -> (i32, i32) {
+    (x * SCALE, y * SCALE)
+}
+
+/// Straight lines from point to point.
 ///
 /// # Errors
 /// When the backend cannot draw.
-pub fn line(area: &Area, points: Vec<(i32, i32)>, color: RGBAColor, width: u32) -> Result<(), FigureError> {
-    Ok(area.draw(&PathElement::new(points, color.stroke_width(width)))?)
+pub fn line(area: &Area, points: &[(i32, i32)], color: RGBAColor, width: u32) -> Result<(), FigureError> {
+    let points: Vec<_> = points.iter().map(|p| scaled(*p)).collect();
+    Ok(area.draw(&PathElement::new(points, color.stroke_width(width * SCALE as u32)))?)
+}
+
+/// A filled rectangle between two corners.
+///
+/// # Errors
+/// When the backend cannot draw.
+pub fn bar(area: &Area, [a, b]: [(i32, i32); 2], color: RGBColor) -> Result<(), FigureError> {
+    Ok(area.draw(&Rectangle::new([scaled(a), scaled(b)], color.filled()))?)
+}
+
+/// A filled circle.
+///
+/// # Errors
+/// When the backend cannot draw.
+pub fn dot(area: &Area, at: (i32, i32), radius: i32, color: RGBColor) -> Result<(), FigureError> {
+    Ok(area.draw(&Circle::new(scaled(at), radius * SCALE, color.filled()))?)
 }
 
 /// A picture as a display shows it.

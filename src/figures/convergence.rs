@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::{
     LOOKS,
-    canvas::{Area, Canvas, FigureError, INK},
+    canvas::{Anchor, Area, Canvas, FigureError, INK, SCALE, dot, line, text},
     table::{Entry, Table},
 };
 use crate::design::Gradient;
@@ -20,7 +20,7 @@ use crate::design::Gradient;
 pub struct Step {
     /// Its number, from 1.
     pub evaluation: u64,
-    /// Renders until then, in paper mode.
+    /// Renders of this search until then, in paper mode.
     pub renders: Option<u64>,
     /// What it measured.
     pub f_q: f64,
@@ -60,13 +60,17 @@ pub fn steps(run: &Path) -> Result<Vec<Step>, LogError> {
     let path = run.join("evaluations.jsonl");
     let text = fs::read_to_string(&path).map_err(|source| LogError::Read { path: path.clone(), source })?;
     let mut steps = Vec::new();
+    // The count goes on from one look to the next; a log begins with the render of a start.
+    let mut before = None;
     for (i, line) in text.lines().enumerate() {
         let fail = || LogError::Line { path: path.clone(), line: i + 1 };
         let value: Value = serde_json::from_str(line).map_err(|_| fail())?;
+        let renders = value["renders"].as_u64();
+        before = before.or(renders.map(|n| n.saturating_sub(1)));
         let Some(evaluation) = value["evaluation"].as_u64() else { continue };
         steps.push(Step {
             evaluation,
-            renders: value["renders"].as_u64(),
+            renders: renders.zip(before).map(|(n, b)| n - b),
             f_q: value["f_q"].as_f64().ok_or_else(fail)?,
             error: value["f_q_error"].as_f64().ok_or_else(fail)?,
         });
@@ -110,14 +114,18 @@ const POINT: RGBColor = RGBColor(120, 160, 200);
 const BEST: RGBColor = RGBColor(0, 70, 130);
 const CHECK: RGBColor = RGBColor(200, 80, 0);
 
+/// Height of the legend above the panels.
+const LEGEND: i32 = 48;
+
 /// Draws a row of panels per look, a column per mode.
 ///
 /// # Errors
 /// When the font or the canvas fails.
 pub fn plot(searches: &[Search]) -> Result<Canvas, FigureError> {
-    let mut canvas = Canvas::new(SIZE.0, SIZE.1);
-    canvas.draw(|area| {
-        let panels = area.margin(8, 8, 8, 16).split_evenly((LOOKS.len(), 2));
+    Canvas::drawn(SIZE, |area| {
+        legend(area)?;
+        let (_, below) = area.split_vertically(LEGEND * SCALE);
+        let panels = below.split_evenly((LOOKS.len(), 2));
         for (look, pair) in panels.chunks(2).enumerate() {
             // One scale for both modes.
             let of_look = || searches.iter().filter(|s| s.look == look);
@@ -131,23 +139,36 @@ pub fn plot(searches: &[Search]) -> Result<Canvas, FigureError> {
             }
         }
         Ok(())
-    })?;
-    Ok(canvas)
+    })
+}
+
+fn legend(area: &Area) -> Result<(), FigureError> {
+    let y = 26;
+    let letter = |words, x| text(area, words, (x, y), 16, INK, Anchor::Left);
+    dot(area, (92, y), 4, POINT)?;
+    letter("evaluation", 106)?;
+    line(area, &[(236, y), (264, y)], BEST.to_rgba(), 2)?;
+    letter("best so far", 274)?;
+    line(area, &[(404, y), (432, y)], CHECK.to_rgba(), 2)?;
+    letter("result, measured on samples that chose nothing", 442)
 }
 
 fn panel(area: &Area, search: &Search, top: f64) -> Result<(), FigureError> {
     let at = |s: &Step| s.renders.unwrap_or(s.evaluation) as f64;
-    let last = search.steps.last().map_or(1.0, at);
+    let last = 1.03 * search.steps.last().map_or(1.0, at);
     let (name, along) = match search.gradient {
         Gradient::Fd => ("paper mode", "renders"),
         Gradient::Basis => ("default mode", "evaluations on one transport basis"),
     };
+    let [f_q, error] = search.check;
+    let title = format!("{}, {name}: {f_q:.3} ± {error:.3}", LOOKS[search.look]);
+    let font = |size: i32| ("sans-serif", size * SCALE).into_font().color(&INK);
     let mut chart = ChartBuilder::on(area)
-        .caption(format!("{}, {name}", LOOKS[search.look]), ("sans-serif", 20).into_font().color(&INK))
-        .margin(10)
-        .x_label_area_size(46)
-        .y_label_area_size(62)
-        .build_cartesian_2d(0.0..1.03 * last, 0.0..top)?;
+        .caption(title, font(18))
+        .margin(12 * SCALE)
+        .x_label_area_size(46 * SCALE)
+        .y_label_area_size(60 * SCALE)
+        .build_cartesian_2d(0.0..last, 0.0..top)?;
     chart
         .configure_mesh()
         .x_labels(7)
@@ -156,33 +177,20 @@ fn panel(area: &Area, search: &Search, top: f64) -> Result<(), FigureError> {
         .y_label_formatter(&|y| format!("{y:.2}"))
         .x_desc(along)
         .y_desc("f_q")
-        .label_style(("sans-serif", 14))
-        .axis_desc_style(("sans-serif", 16))
+        .label_style(font(14))
+        .axis_desc_style(font(15))
+        .axis_style(BLACK.mix(0.6).stroke_width(SCALE as u32))
+        .set_all_tick_mark_size(4 * SCALE)
         .light_line_style(WHITE)
-        .bold_line_style(BLACK.mix(0.12))
+        .bold_line_style(BLACK.mix(0.12).stroke_width(SCALE as u32))
         .draw()?;
-    let [f_q, error] = search.check;
-    let band = [(0.0, (f_q - error).max(0.0)), (1.03 * last, f_q + error)];
+    let width = 2 * SCALE as u32;
+    let band = [(0.0, (f_q - error).max(0.0)), (last, f_q + error)];
     chart.draw_series([Rectangle::new(band, CHECK.mix(0.18).filled())])?;
-    chart
-        .draw_series(LineSeries::new([(0.0, f_q), (1.03 * last, f_q)], CHECK.stroke_width(2)))?
-        .label(format!("result, new samples: {f_q:.3} ± {error:.3}"))
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], CHECK.stroke_width(2)));
-    chart
-        .draw_series(search.steps.iter().map(|s| Circle::new((at(s), s.f_q), 3, POINT.filled())))?
-        .label("evaluation")
-        .legend(|(x, y)| Circle::new((x + 9, y), 3, POINT.filled()));
-    chart
-        .draw_series(LineSeries::new(best(&search.steps, at), BEST.stroke_width(2)))?
-        .label("best so far")
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], BEST.stroke_width(2)));
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperRight)
-        .margin(12)
-        .label_font(("sans-serif", 14))
-        .background_style(WHITE.mix(0.85))
-        .draw()?;
+    chart.draw_series(LineSeries::new([(0.0, f_q), (last, f_q)], CHECK.stroke_width(width)))?;
+    let points = search.steps.iter().map(|s| Circle::new((at(s), s.f_q), 3 * SCALE, POINT.filled()));
+    chart.draw_series(points)?;
+    chart.draw_series(LineSeries::new(best(&search.steps, at), BEST.stroke_width(width)))?;
     Ok(())
 }
 
@@ -216,9 +224,10 @@ mod tests {
     fn starts_are_no_steps_and_broken_logs_name_their_line() {
         let run = tempfile::tempdir().unwrap();
         let log = run.path().join("evaluations.jsonl");
-        let good = "{\"start\":\"a\",\"f_q\":0.9,\"renders\":1}\n\
-                    {\"evaluation\":1,\"f_q\":0.5,\"f_q_error\":0.1,\"renders\":8}\n";
+        let good = "{\"start\":\"a\",\"f_q\":0.9,\"renders\":61}\n\
+                    {\"evaluation\":1,\"f_q\":0.5,\"f_q_error\":0.1,\"renders\":68}\n";
         fs::write(&log, good).unwrap();
+        // The first start is the first render of the search, whatever came before.
         assert_eq!(
             steps(run.path()).unwrap(),
             [Step { evaluation: 1, renders: Some(8), f_q: 0.5, error: 0.1 }]

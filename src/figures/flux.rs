@@ -22,9 +22,9 @@ use crate::{
 };
 
 /// Sizes, as shares of the largest.
-const SIZES: [f64; 4] = [0.125, 0.25, 0.5, 1.0];
+const SIZES: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
 /// Fluxes, in stops from the one that lights the object well.
-const STOPS: [f64; 5] = [-3.0, -1.5, 0.0, 1.5, 3.0];
+const STOPS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
 /// Display luminance of a well lit object; the target of both looks.
 const WELL_LIT: f64 = 0.47;
 /// Knots of the size.
@@ -137,7 +137,7 @@ pub fn grid(scene: &mut Scene, settings: &Settings, observer: &impl Observer) ->
     };
     let size_of = |share: f64| share * f64::from(largest);
     let mask = aov::trace(scene).mask;
-    let linear = basis.picture(&lighting(1.0, size_of(0.5)));
+    let linear = basis.picture(&lighting(1.0, size_of(SIZES[1])));
     let on_object: Vec<f64> = linear
         .rgb
         .iter()

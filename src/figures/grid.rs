@@ -3,7 +3,7 @@
 
 use image::RgbImage;
 
-use super::canvas::{Anchor, Canvas, FAINT, FigureError, INK, text};
+use super::canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, length, text};
 
 /// A picture of a grid.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ impl Measures {
         let picture = cell.map_or((1, 1), |c| c.picture.dimensions());
         let lines = cell.map_or(0, |c| c.caption.len() as u32);
         let heading = (picture.0 / 20).clamp(13, 24);
-        let caption = (picture.0 / 26).clamp(11, 18);
+        let caption = (picture.0 / 26).clamp(12, 18);
         let gap = (picture.0 / 30).max(6);
         let strips = if grid.axes.is_some() { 2 } else { 1 };
         let strip = strips * (heading * 3 / 2) + gap;
@@ -83,24 +83,24 @@ impl Grid {
         let m = Measures::of(self);
         let n_columns = self.rows.iter().map(|r| r.cells.len()).max().unwrap_or(0).max(1);
         let (right, bottom) = m.corner(n_columns, self.rows.len());
-        let mut canvas = Canvas::new(right.max(1), bottom.max(1));
+        let mut canvas = Canvas::drawn((right, bottom), |area| self.letter(&m, n_columns, area))?;
         for (j, row) in self.rows.iter().enumerate() {
             for (i, cell) in row.cells.iter().enumerate() {
                 let (x, y) = m.corner(i, j);
                 canvas.paste(&cell.picture, x, y);
             }
         }
-        canvas.draw(|area| self.letter(&m, n_columns, area))?;
         Ok(canvas)
     }
 
-    fn letter(&self, m: &Measures, n_columns: usize, area: &super::canvas::Area) -> Result<(), FigureError> {
+    fn letter(&self, m: &Measures, n_columns: usize, area: &Area) -> Result<(), FigureError> {
         let (w, h) = m.picture;
         // The strip nearest to the pictures is that of the names.
         let beside = (m.left - m.gap - m.heading * 3 / 4) as i32;
         for (i, name) in self.columns.iter().enumerate() {
             let (x, _) = m.corner(i, 0);
-            text(area, name, ((x + w / 2) as i32, beside), m.heading, INK, Anchor::Center)?;
+            let size = fitting(name, m.heading, w)?;
+            text(area, name, ((x + w / 2) as i32, beside), size, INK, Anchor::Center)?;
         }
         if let Some([along, down]) = &self.axes {
             let far = (m.heading * 3 / 4 + m.gap / 2) as i32;
@@ -111,7 +111,8 @@ impl Grid {
         }
         for (j, row) in self.rows.iter().enumerate() {
             let (_, y) = m.corner(0, j);
-            text(area, &row.name, (beside, (y + h / 2) as i32), m.heading, INK, Anchor::Upward)?;
+            let size = fitting(&row.name, m.heading, h)?;
+            text(area, &row.name, (beside, (y + h / 2) as i32), size, INK, Anchor::Upward)?;
             for (i, cell) in row.cells.iter().enumerate() {
                 let (x, _) = m.corner(i, j);
                 for (k, words) in cell.caption.iter().enumerate() {
@@ -123,6 +124,11 @@ impl Grid {
         }
         Ok(())
     }
+}
+
+/// The height, `size` at most, at which words are no longer than `room`.
+fn fitting(words: &str, size: u32, room: u32) -> Result<u32, FigureError> {
+    Ok(size.min(size * room / length(words, size)?.max(1)).max(6))
 }
 
 #[cfg(test)]

@@ -41,6 +41,8 @@ pub enum Part {
     Fig2,
     /// Girl and creature: start, high-key, low-key
     Fig3,
+    /// Girl and creature when the background is free, which the paper does not show
+    Background,
     /// Fruit basket: start, high-key, low-key, its background as it is and free
     Fig4,
     /// Targets and weights
@@ -57,9 +59,10 @@ pub enum Part {
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Fig2,
         Self::Fig3,
+        Self::Background,
         Self::Fig4,
         Self::Table1,
         Self::Table2,
@@ -70,14 +73,15 @@ impl Part {
 
     /// The runs it shows.
     #[must_use]
-    pub fn studies(self) -> &'static [Study] {
+    pub fn studies(self) -> Vec<Study> {
         match self {
-            Self::Fig2 | Self::Table1 | Self::Convergence => &[],
-            Self::Fig3 => &STUDIES[..2],
-            Self::Fig4 => &STUDIES[2..],
-            Self::Table2 => &STUDIES[..3],
-            Self::Table3 => &STUDIES[3..],
-            Self::Gaps => &STUDIES,
+            Self::Fig2 | Self::Table1 | Self::Convergence => Vec::new(),
+            Self::Fig3 => STUDIES[..2].to_vec(),
+            Self::Background => STUDIES[3..5].to_vec(),
+            Self::Fig4 => vec![STUDIES[2], STUDIES[5]],
+            Self::Table2 => STUDIES[..3].to_vec(),
+            Self::Table3 => STUDIES[3..].to_vec(),
+            Self::Gaps => STUDIES.to_vec(),
         }
     }
 

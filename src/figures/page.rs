@@ -37,7 +37,7 @@ figcaption, caption { color: #444; font-size: .92rem; text-align: left; padding:
 table { border-collapse: collapse; font-size: .9rem; border-top: 2px solid #222; border-bottom: 2px solid #222; }
 caption { caption-side: top; }
 th { text-align: left; font-weight: 600; border-bottom: 1px solid #222; }
-th, td { padding: .22rem .75rem; white-space: nowrap; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
+th, td { padding: .22rem .75rem; white-space: nowrap; } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
 tr.begins td { border-top: 1px solid #ccc; }
 .notes { color: #555; font-size: .85rem; max-width: 62rem; } .notes p { margin: .4rem 0; }
 ";

@@ -20,13 +20,24 @@ pub struct Study {
     pub directory: &'static str,
 }
 
-/// The runs of the paper.
-pub const STUDIES: [Study; 4] = [
-    Study { title: "Girl", scene: "fetched/girl.obj", background: false, directory: "girl" },
-    Study { title: "Creature", scene: "fetched/creature.obj", background: false, directory: "creature" },
-    Study { title: "Fruit basket", scene: BASKET, background: false, directory: "fruit-basket" },
-    Study { title: "Fruit basket", scene: BASKET, background: true, directory: "fruit-basket-background" },
+/// The runs of the paper, and those of girl and creature with the background free.
+pub const STUDIES: [Study; 6] = [
+    study("Girl", GIRL, false, "girl"),
+    study("Creature", CREATURE, false, "creature"),
+    study(BASKET_TITLE, BASKET, false, "fruit-basket"),
+    study("Girl", GIRL, true, "girl-background"),
+    study("Creature", CREATURE, true, "creature-background"),
+    study(BASKET_TITLE, BASKET, true, "fruit-basket-background"),
 ];
+
+const GIRL: &str = "fetched/girl.obj";
+const CREATURE: &str = "fetched/creature.obj";
+/// Name of the fruit basket.
+pub const BASKET_TITLE: &str = "Fruit basket";
+
+const fn study(title: &'static str, scene: &'static str, background: bool, directory: &'static str) -> Study {
+    Study { title, scene, background, directory }
+}
 
 /// Scene file of the fruit basket.
 pub const BASKET: &str = "fruit_basket.obj";

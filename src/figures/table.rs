@@ -126,6 +126,11 @@ impl Table {
         (words.collect(), self.grouped > 0 && shared < self.grouped && row > 0)
     }
 
+    /// Whether a column holds numbers.
+    fn is_number(&self, column: usize) -> bool {
+        self.rows.iter().any(|r| matches!(r.get(column), Some(Entry::Number(..))))
+    }
+
     /// Comma-separated: names spelt out in every row, numbers in full precision, nothing for a dash.
     #[must_use]
     pub fn csv(&self) -> String {
@@ -140,7 +145,8 @@ impl Table {
         for row in &self.rows {
             let entries = row.iter().map(|e| match e {
                 Entry::Text(words) => quoted(words),
-                Entry::Number(value, _) => value.to_string(),
+                Entry::Number(value, 0) => format!("{value:.0}"),
+                Entry::Number(value, _) => format!("{value:?}"),
                 Entry::Dash => String::new(),
             });
             text += &(entries.collect::<Vec<_>>().join(",") + "\n");
@@ -154,9 +160,8 @@ impl Table {
     /// Never: writing to a string does not fail.
     pub fn latex(&self, notes: &[&str]) -> Result<String, fmt::Error> {
         let m = Markup::Latex;
-        let is_number =
-            |column: usize| self.rows.iter().any(|r| matches!(r.get(column), Some(Entry::Number(..))));
-        let columns: String = (0..self.header.len()).map(|i| if is_number(i) { 'r' } else { 'l' }).collect();
+        let columns: String =
+            (0..self.header.len()).map(|i| if self.is_number(i) { 'r' } else { 'l' }).collect();
         let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\\small\n");
         writeln!(text, "\\caption{{{}}}", set(&self.caption, m))?;
         writeln!(text, "\\begin{{tabular}}{{{columns}}}\n\\toprule")?;
@@ -184,15 +189,17 @@ impl Table {
     pub fn html(&self) -> Result<String, fmt::Error> {
         let m = Markup::Html;
         let mut text = format!("<table>\n<caption>{}</caption>\n<thead><tr>", set(&self.caption, m));
-        for head in &self.header {
-            write!(text, "<th>{}</th>", set(head, m))?;
+        for (i, head) in self.header.iter().enumerate() {
+            let class = if self.is_number(i) { " class=\"n\"" } else { "" };
+            write!(text, "<th{class}>{}</th>", set(head, m))?;
         }
         text.push_str("</tr></thead>\n<tbody>\n");
+        let numbers: Vec<bool> = (0..self.header.len()).map(|i| self.is_number(i)).collect();
         for i in 0..self.rows.len() {
             let (words, begins) = self.visible(i, m);
             text.push_str(if begins { "<tr class=\"begins\">" } else { "<tr>" });
-            for (word, entry) in words.iter().zip(&self.rows[i]) {
-                let class = if matches!(entry, Entry::Text(_)) { "" } else { " class=\"n\"" };
+            for (word, number) in words.iter().zip(&numbers) {
+                let class = if *number { " class=\"n\"" } else { "" };
                 write!(text, "<td{class}>{word}</td>")?;
             }
             text.push_str("</tr>\n");

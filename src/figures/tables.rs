@@ -51,10 +51,10 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
     for (look, name) in LOOKS.iter().enumerate() {
         for (i, outcome) in outcomes.iter().filter(|o| o.look == look).enumerate() {
-            let row = |scene: &str, line: &str, terms: [Entry; 6], last: [Entry; 3]| {
+            let row = |scene: &str, line: &str, terms: [Entry; 6], last: [Entry; 4]| {
                 [vec![(*name).into(), scene.into(), line.into()], terms.to_vec(), last.to_vec()].concat()
             };
-            let blank = || [Entry::Dash, Entry::Dash, Entry::Dash];
+            let blank = || [Entry::Dash, Entry::Dash, Entry::Dash, Entry::Dash];
             let terms = &outcome.found.terms;
             if i == 0 {
                 let wanted = terms.map(|t| match t.term {
@@ -67,17 +67,18 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
             let values =
                 terms.map(|t| if t.term == Term::Hist { Entry::Dash } else { Entry::number(t.value) });
             rows.push(row(scene, "value", values, blank()));
-            let ours = [sum(&outcome.found), outcome.found.f_q, outcome.error].map(Entry::number);
+            let ours = [sum(&outcome.found), outcome.found.f_q, outcome.error, outcome.f_q_final];
+            let ours = ours.map(Entry::number);
             rows.push(row(scene, "f", terms.map(|t| Entry::number(t.f)), ours));
             let paper = published::of(&outcome.study, look);
             let printed = terms.map(|t| Entry::known(paper.hist.filter(|_| t.term == Term::Hist)));
-            let last = [Entry::known(paper.sum), Entry::known(paper.f_q), Entry::Dash];
+            let last = [Entry::known(paper.sum), Entry::known(paper.f_q), Entry::Dash, Entry::Dash];
             rows.push(row(scene, "f, published", printed, last));
         }
     }
     Table {
         caption: caption.to_owned(),
-        header: header(&["look", "scene", ""], &["Σ w f", "f_q", "±"]),
+        header: header(&["look", "scene", ""], &["Σ w f", "f_q", "±", "f_q, full size"]),
         rows,
         grouped: 2,
     }

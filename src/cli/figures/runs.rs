@@ -16,7 +16,7 @@ use crate::{
     figures::{
         LOOKS, Outcome, Study,
         convergence::{Search, mode, steps},
-        study::BASKET,
+        study::{BASKET, BASKET_TITLE},
         table::Entry,
     },
     objective::{LuminanceMode, Target},
@@ -94,7 +94,7 @@ impl Runner<'_> {
         Ok(reports)
     }
 
-    /// A row of seconds.
+    /// A row of seconds; `before` are the renders of the looks before this one.
     fn seconds(
         &self,
         scene: &str,
@@ -102,6 +102,7 @@ impl Runner<'_> {
         look: usize,
         o: &RunOptions,
         r: &RunReport,
+        before: u64,
     ) -> Vec<Entry> {
         let count = |n: f64| Entry::Number(n, 0);
         vec![
@@ -113,7 +114,7 @@ impl Runner<'_> {
             count(f64::from(o.spp)),
             count(rayon::current_num_threads() as f64),
             count(f64::from(r.evaluations)),
-            count(r.renders as f64),
+            count((r.renders - before) as f64),
             Entry::Number((r.seconds * 10.0).round() / 10.0, 1),
         ]
     }
@@ -128,8 +129,10 @@ impl Runner<'_> {
         let options = self.options(&format!("runs/{}", study.directory), study.free())?;
         let reports = self.run(study.scene, &options)?;
         let mut done = Done { each: Vec::new(), seconds: Vec::new() };
+        let mut before = 0;
         for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
-            done.seconds.push(self.seconds(study.title, background, look, &options, report));
+            done.seconds.push(self.seconds(study.title, background, look, &options, report, before));
+            before = report.renders;
             done.each.push(Outcome {
                 study,
                 look,
@@ -154,7 +157,7 @@ impl Runner<'_> {
     pub fn compared(&self) -> anyhow::Result<Done<Search>> {
         let mut done = Done { each: Vec::new(), seconds: Vec::new() };
         for gradient in [Gradient::Fd, Gradient::Basis] {
-            self.console.note(&format!("== Fruit basket, {} mode", mode(gradient)));
+            self.console.note(&format!("== {BASKET_TITLE}, {} mode", mode(gradient)));
             let s = &self.settings;
             let directory = format!("runs/convergence/{}", mode(gradient));
             let free = vec![FreeKind::Radiance, FreeKind::Size];
@@ -169,8 +172,10 @@ impl Runner<'_> {
                 options.spp = s.compared_spp;
             }
             let reports = self.run(BASKET, &options)?;
+            let mut before = 0;
             for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
-                done.seconds.push(self.seconds("Fruit basket", "fixed", look, &options, report));
+                done.seconds.push(self.seconds(BASKET_TITLE, "fixed", look, &options, report, before));
+                before = report.renders;
                 done.each.push(Search {
                     gradient,
                     look,

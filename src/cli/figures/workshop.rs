@@ -112,11 +112,11 @@ impl<'a> Workshop<'a> {
         }
         for part in parts {
             stop_if_interrupted(self.runner.console, self.runner.out)?;
-            let of: Vec<&Outcome> = outcomes.iter().filter(|o| part.studies().contains(&o.study)).collect();
+            let studies = part.studies();
+            let of: Vec<&Outcome> = outcomes.iter().filter(|o| studies.contains(&o.study)).collect();
             match part {
                 Part::Fig2 => self.fig2()?,
-                Part::Fig3 => self.pictures("fig3", "Figure 3. Girl and creature", part.studies(), &of)?,
-                Part::Fig4 => self.pictures("fig4", "Figure 4. The fruit basket", part.studies(), &of)?,
+                Part::Fig3 | Part::Background | Part::Fig4 => self.pictures(*part, &studies, &of)?,
                 Part::Table1 => self.table1()?,
                 Part::Table2 => {
                     self.found("table2", "Table 2. Terms found; radiance and size are free.", &of)?
@@ -192,21 +192,15 @@ impl<'a> Workshop<'a> {
             grid => grid.with_context(|| path.display().to_string())?,
         };
         self.heading("One light");
-        let caption = "Figure 2. One light alone, at several sizes (rows) and fluxes (columns, 1.5 stops apart). \
-                       All pictures are recombined from one transport basis. At equal flux the size changes the \
-                       shadows and the highlights, hardly the brightness.";
+        let caption = "Figure 2. One light alone, at several sizes (rows) and fluxes (columns, a stop apart). All \
+                       pictures are recombined from one transport basis. At equal flux a larger light softens \
+                       shadows and highlights, and more of it falls beside the object.";
         self.put_figure("fig2", &grid.draw()?, caption.to_owned())
     }
 
-    /// Figures 3 and 4: a row per study with the start and what was found.
-    fn pictures(
-        &mut self,
-        name: &str,
-        title: &str,
-        studies: &[Study],
-        outcomes: &[&Outcome],
-    ) -> anyhow::Result<()> {
-        let of_basket = name == "fig4";
+    /// A row per study with the start and what was found.
+    fn pictures(&mut self, part: Part, studies: &[Study], outcomes: &[&Outcome]) -> anyhow::Result<()> {
+        let of_basket = part == Part::Fig4;
         let row = |study: &Study| {
             let of: Vec<&&Outcome> = outcomes.iter().filter(|o| o.study == *study).collect();
             let starts: Vec<String> = of.iter().map(|o| format!("{:.3}", o.f_q_initial)).collect();
@@ -235,16 +229,31 @@ impl<'a> Workshop<'a> {
             rows: studies.iter().map(row).collect(),
             axes: None,
         };
-        let free = if of_basket {
-            "above, radiance and size of the lights are free; below, the brightness of the background as well"
-        } else {
-            "radiance and size of the lights are free, the background is as it is"
+        let (name, heading, title, free) = match part {
+            Part::Fig4 => (
+                "fig4",
+                "Fruit basket",
+                "Figure 4. The fruit basket",
+                "Radiance and size of the lights are free; in the lower row the brightness of the background as well",
+            ),
+            Part::Background => (
+                "background",
+                "Girl and creature with the background free",
+                "Girl and creature once more, which the paper does not show",
+                "The brightness of the background is free besides radiance and size of the lights",
+            ),
+            _ => (
+                "fig3",
+                "Girl and creature",
+                "Figure 3. Girl and creature",
+                "Radiance and size of the lights are free, the background is as it is",
+            ),
         };
         let caption = format!(
-            "{title}: the neutral start, and the lights found; {free}. f_q is measured at the working size on \
+            "{title}: the neutral start, and the lights found. {free}. f_q is measured at the working size on \
              samples that chose nothing, freed of noise bias."
         );
-        self.heading(if of_basket { "Fruit basket" } else { "Girl and creature" });
+        self.heading(heading);
         self.put_figure(name, &grid.draw()?, caption)?;
         let cautions = outcomes.iter().filter_map(|o| {
             let what =
