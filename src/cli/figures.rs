@@ -132,9 +132,14 @@ impl Settings {
 
     /// Of a picture of the grid of sizes and fluxes.
     fn thumbnail(&self) -> UVec2 {
-        (self.size / 2).max(UVec2::splat(1))
+        let largest = self.size.x.min(WIDEST) * 5 / 8;
+        let scale = f64::from(largest) / f64::from(self.size.x);
+        (self.size.as_dvec2() * scale).round().as_uvec2().max(UVec2::ONE)
     }
 }
+
+/// Wider pictures are reduced to this in figures; in their run directories they are whole.
+const WIDEST: u32 = 960;
 
 /// Runs the subcommand.
 ///

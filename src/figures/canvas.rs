@@ -119,7 +119,11 @@ pub fn text(
     let font = ("sans-serif", size * SCALE as u32).into_font();
     let font = if anchor == Anchor::Upward { font.transform(FontTransform::Rotate270) } else { font };
     let style = font.color(&color).pos(Pos::new(h, VPos::Center));
-    Ok(area.draw(&Text::new(words.to_owned(), scaled(at), style))?)
+    // The middle of a line of text lies above that of its letters.
+    let lower = size as i32 * SCALE / 8;
+    let (x, y) = scaled(at);
+    let at = if anchor == Anchor::Upward { (x + lower, y) } else { (x, y + lower) };
+    Ok(area.draw(&Text::new(words.to_owned(), at, style))?)
 }
 
 /// Length of a text of a height, pixels.

@@ -12,9 +12,10 @@ use super::{
     grid::{Cell, Grid, Row},
 };
 use crate::{
+    film::Picture,
     integrator::{Integrator, Observer, RenderError, aov},
     light::{Light, Outline, Shape, SizeDensity},
-    math::display::LuminanceMode,
+    math::display::{LuminanceMode, luminance},
     params::survey::{self, SurveyError},
     sampler::SamplerKind,
     scene::Scene,
@@ -59,8 +60,7 @@ pub struct Settings {
     pub seed: u64,
 }
 
-/// Surface that emits, m², times π: the flux at radiance 1, W; and the extent in words.
-/// At size 1.
+/// Flux at radiance 1 and size 1: π times the surface that emits, m².
 fn emission(light: &Light) -> Option<f64> {
     match &light.shape {
         Shape::Planar(p) if p.cone.is_none() => Some(
@@ -90,98 +90,102 @@ fn extent(light: &Light, size: f64) -> String {
     }
 }
 
-/// Renders one basis of the scene under the light called `key`, else its first that has a
+/// A basis of a scene in which one light's size is free.
+struct OneLight {
+    basis: TransportBasis,
+    light: usize,
+    /// Its flux at radiance 1 and size 1, W.
+    unit: f64,
+    largest: f64,
+    /// All lights off, at their sizes.
+    dark: LightingPoint,
+    exposure: f64,
+}
+
+impl OneLight {
+    /// Takes the light called `key`, else the first that has a size, and renders.
+    fn render(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Self, FluxError> {
+        scene.camera.resize(settings.size);
+        let (sizes, _) = survey::fit_sizes(scene, settings.size)?;
+        let suitable: Vec<(usize, f64, [f32; 2])> = scene
+            .lights
+            .iter()
+            .zip(&sizes)
+            .enumerate()
+            .filter_map(|(l, (light, size))| Some((l, emission(light)?, (*size)?)))
+            .collect();
+        let key = suitable.iter().find(|s| scene.lights[s.0].name == "key");
+        let &(light, unit, [least, largest]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
+        let bins = scene.lights.iter().enumerate().map(|(l, other)| {
+            if l == light {
+                SizeBins::Free(Knots::geometric(f64::from(least), f64::from(largest), KNOTS))
+            } else {
+                SizeBins::Fixed(other.size)
+            }
+        });
+        let dark = LightingPoint {
+            radiance: vec![0.0; scene.lights.len()],
+            size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
+            value: f64::from(scene.background_value()),
+        };
+        let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(dark.value, 1));
+        scene.lights[light].size_density = SizeDensity::AnySize { least, extent: largest };
+        let mut basis = TransportBasis::new(layout, 1);
+        let Settings { integrator, sampler, seed, spp, .. } = *settings;
+        basis.render(Source { scene, integrator: &integrator, sampler, seed }, spp, observer)?;
+        let exposure = f64::from(scene.exposure);
+        Ok(Self { basis, light, unit, largest: f64::from(largest), dark, exposure })
+    }
+
+    /// The picture at a flux, W, and a share of the largest size.
+    fn picture(&self, flux: f64, share: f64) -> Picture {
+        let size = share * self.largest;
+        let mut x = self.dark.clone();
+        x.radiance[self.light] = flux / (self.unit * size * size);
+        x.size[self.light] = size;
+        self.basis.picture(&x)
+    }
+}
+
+/// Renders one basis of the scene under its light called `key`, else the first that has a
 /// size, and lays out its pictures.
 ///
 /// # Errors
 /// When no light has a size, or the render fails.
 pub fn grid(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Grid, FluxError> {
-    scene.camera.resize(settings.size);
-    let (sizes, _) = survey::fit_sizes(scene, settings.size)?;
-    let suits = |l: &usize| sizes[*l].is_some() && emission(&scene.lights[*l]).is_some();
-    let all = 0..scene.lights.len();
-    let light = all
-        .clone()
-        .filter(suits)
-        .find(|&l| scene.lights[l].name == "key")
-        .or_else(|| all.clone().find(suits));
-    let light = light.ok_or(FluxError::NoLight)?;
-    let [least, largest] = sizes[light].ok_or(FluxError::NoLight)?;
-    let unit = emission(&scene.lights[light]).ok_or(FluxError::NoLight)?;
-
-    let bins = scene.lights.iter().enumerate().map(|(l, other)| {
-        if l == light {
-            SizeBins::Free(Knots::geometric(f64::from(least), f64::from(largest), KNOTS))
-        } else {
-            SizeBins::Fixed(other.size)
-        }
-    });
-    let value = f64::from(scene.background_value());
-    let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(value, 1));
-    scene.lights[light].size_density = SizeDensity::AnySize { least, extent: largest };
-    let mut basis = TransportBasis::new(layout, 1);
-    let source =
-        Source { scene, integrator: &settings.integrator, sampler: settings.sampler, seed: settings.seed };
-    basis.render(source, settings.spp, observer)?;
-
-    let exposure = f64::from(scene.exposure);
-    let lighting = |flux: f64, size: f64| {
-        let mut x = LightingPoint {
-            radiance: vec![0.0; scene.lights.len()],
-            size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
-            value,
-        };
-        x.radiance[light] = flux / (unit * size * size);
-        x.size[light] = size;
-        x
-    };
-    let size_of = |share: f64| share * f64::from(largest);
+    let one = OneLight::render(scene, settings, observer)?;
+    let light = &scene.lights[one.light];
     let mask = aov::trace(scene).mask;
-    let linear = basis.picture(&lighting(1.0, size_of(SIZES[1])));
-    let on_object: Vec<f64> = linear
-        .rgb
-        .iter()
-        .zip(&mask)
-        .filter_map(|(c, m)| m.then(|| crate::math::display::luminance(*c)))
-        .collect();
-    let name = &scene.lights[light].name;
-    let well = well_lit(&on_object, exposure).ok_or_else(|| FluxError::Dark { light: name.clone() })?;
-
-    let rows = SIZES.iter().map(|&share| Row {
-        name: extent(&scene.lights[light], size_of(share)),
-        cells: STOPS
-            .iter()
-            .map(|stop| Cell {
-                picture: displayed(&basis.picture(&lighting(well * stop.exp2(), size_of(share))), exposure),
-                caption: Vec::new(),
-            })
-            .collect(),
-    });
-    let watts = |flux: f64| {
-        let decimals = if flux < 0.1 {
-            3
-        } else if flux < 1.0 {
-            2
-        } else {
-            1
-        };
-        format!("{flux:.decimals$} W")
+    let reference = one.picture(1.0, SIZES[1]);
+    let shown = reference.rgb.iter().zip(&mask).filter(|(_, on_object)| **on_object);
+    let on_object: Vec<f64> = shown.map(|(rgb, _)| luminance(*rgb)).collect();
+    let well =
+        well_lit(&on_object, one.exposure).ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
+    let fluxes = STOPS.map(|stop| well * stop.exp2());
+    let cell = |flux: f64, share: f64| Cell {
+        picture: displayed(&one.picture(flux, share), one.exposure),
+        caption: Vec::new(),
     };
+    let rows = SIZES.iter().map(|&share| Row {
+        name: extent(light, share * one.largest),
+        cells: fluxes.iter().map(|&flux| cell(flux, share)).collect(),
+    });
+    let decimals = if fluxes[0] < 0.1 { 3 } else { 1 };
     Ok(Grid {
         rows: rows.collect(),
-        columns: STOPS.iter().map(|stop| watts(well * stop.exp2())).collect(),
-        axes: Some([format!("flux of the light “{name}”"), "its size".to_owned()]),
+        columns: fluxes.iter().map(|flux| format!("{flux:.decimals$} W")).collect(),
+        axes: Some([format!("flux of the light “{}”", light.name), "its size".to_owned()]),
     })
 }
 
 /// The gain at which the mean display luminance is [`WELL_LIT`].
-fn well_lit(luminance: &[f64], exposure: f64) -> Option<f64> {
-    if luminance.iter().sum::<f64>() <= 0.0 {
+fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
+    if y.iter().sum::<f64>() <= 0.0 {
         return None;
     }
     let mean = |gain: f64| {
-        let sum: f64 = luminance.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, exposure)).sum();
-        sum / luminance.len() as f64
+        let sum: f64 = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, exposure)).sum();
+        sum / y.len() as f64
     };
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
     for _ in 0..60 {

@@ -97,10 +97,11 @@ impl Grid {
         let (w, h) = m.picture;
         // The strip nearest to the pictures is that of the names.
         let beside = (m.left - m.gap - m.heading * 3 / 4) as i32;
+        let across = fitting(self.columns.iter(), m.heading, w)?;
+        let upward = fitting(self.rows.iter().map(|r| &r.name), m.heading, h)?;
         for (i, name) in self.columns.iter().enumerate() {
             let (x, _) = m.corner(i, 0);
-            let size = fitting(name, m.heading, w)?;
-            text(area, name, ((x + w / 2) as i32, beside), size, INK, Anchor::Center)?;
+            text(area, name, ((x + w / 2) as i32, beside), across, INK, Anchor::Center)?;
         }
         if let Some([along, down]) = &self.axes {
             let far = (m.heading * 3 / 4 + m.gap / 2) as i32;
@@ -111,8 +112,7 @@ impl Grid {
         }
         for (j, row) in self.rows.iter().enumerate() {
             let (_, y) = m.corner(0, j);
-            let size = fitting(&row.name, m.heading, h)?;
-            text(area, &row.name, (beside, (y + h / 2) as i32), size, INK, Anchor::Upward)?;
+            text(area, &row.name, (beside, (y + h / 2) as i32), upward, INK, Anchor::Upward)?;
             for (i, cell) in row.cells.iter().enumerate() {
                 let (x, _) = m.corner(i, j);
                 for (k, words) in cell.caption.iter().enumerate() {
@@ -126,9 +126,14 @@ impl Grid {
     }
 }
 
-/// The height, `size` at most, at which words are no longer than `room`.
-fn fitting(words: &str, size: u32, room: u32) -> Result<u32, FigureError> {
-    Ok(size.min(size * room / length(words, size)?.max(1)).max(6))
+/// The height, `size` at most, at which none of the words is longer than `room`.
+fn fitting<'a>(
+    mut words: impl Iterator<Item = &'a String>,
+    size: u32,
+    room: u32,
+) -> Result<u32, FigureError> {
+    let longest = words.try_fold(1, |most, w| Ok::<_, FigureError>(length(w, size)?.max(most)))?;
+    Ok(size.min(size * room / longest).max(6))
 }
 
 #[cfg(test)]

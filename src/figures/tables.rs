@@ -35,7 +35,7 @@ pub fn targets(targets: &[Target; 2]) -> Table {
         caption: "Table 1. Targets and weights. All are the paper's, but for the signatures of the \
                   histogram term, which it did not publish."
             .to_owned(),
-        header: header(&[""], &[]),
+        header: header(&["quantity"], &[]),
         rows,
         grouped: 0,
     }
@@ -78,7 +78,7 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     }
     Table {
         caption: caption.to_owned(),
-        header: header(&["look", "scene", ""], &["Σ w f", "f_q", "±", "f_q, full size"]),
+        header: header(&["look", "scene", "quantity"], &["Σ w f", "f_q", "±", "f_q, full size"]),
         rows,
         grouped: 2,
     }
@@ -119,7 +119,7 @@ pub fn gaps(outcomes: &[&Outcome]) -> Table {
                   the others. The weighted sum of the least f bounds f_q from below, as far as the scan saw; what \
                   was found lies above it by the price of one term against another."
             .to_owned(),
-        header: header(&["scene", "background", "look", ""], &["Σ w f"]),
+        header: header(&["scene", "background", "look", "quantity"], &["Σ w f"]),
         rows,
         grouped: 3,
     }

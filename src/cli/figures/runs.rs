@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use image::RgbImage;
 
-use super::Settings;
+use super::{Settings, WIDEST};
 use crate::{
     cli::{
         common::{TransportArgs, load_scene},
@@ -188,7 +188,13 @@ impl Runner<'_> {
     }
 }
 
+/// A picture of a run, no wider than a figure shows it.
 fn picture(path: &PathBuf) -> anyhow::Result<RgbImage> {
     let image = image::open(path).with_context(|| format!("{}: cannot read the picture", path.display()))?;
-    Ok(image.to_rgb8())
+    let image = image.to_rgb8();
+    if image.width() <= WIDEST {
+        return Ok(image);
+    }
+    let height = (image.height() * WIDEST).div_ceil(image.width());
+    Ok(image::imageops::thumbnail(&image, WIDEST, height))
 }
