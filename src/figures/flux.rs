@@ -22,8 +22,10 @@ use crate::{
     transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
 };
 
-/// Sizes, as shares of the largest.
-const SIZES: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
+/// Sizes from the least, each twice the one before, and where among them the fluxes are
+/// chosen.
+const N_SIZES: usize = 4;
+const REFERENCE: usize = 1;
 /// Fluxes, in stops from the one that lights the object well.
 const STOPS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
 /// Display luminance of a well lit object; the target of both looks.
@@ -96,7 +98,8 @@ struct OneLight {
     light: usize,
     /// Its flux at radiance 1 and size 1, W.
     unit: f64,
-    largest: f64,
+    /// From the least, in equal ratios.
+    sizes: [f64; N_SIZES],
     /// All lights off, at their sizes.
     dark: LightingPoint,
     exposure: f64,
@@ -115,7 +118,8 @@ impl OneLight {
             .filter_map(|(l, (light, size))| Some((l, emission(light)?, (*size)?)))
             .collect();
         let key = suitable.iter().find(|s| scene.lights[s.0].name == "key");
-        let &(light, unit, [least, largest]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
+        let &(light, unit, [least, most]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
+        let largest = most.min(least * 2_f32.powi(N_SIZES as i32 - 1));
         let bins = scene.lights.iter().enumerate().map(|(l, other)| {
             if l == light {
                 SizeBins::Free(Knots::geometric(f64::from(least), f64::from(largest), KNOTS))
@@ -134,12 +138,13 @@ impl OneLight {
         let Settings { integrator, sampler, seed, spp, .. } = *settings;
         basis.render(Source { scene, integrator: &integrator, sampler, seed }, spp, observer)?;
         let exposure = f64::from(scene.exposure);
-        Ok(Self { basis, light, unit, largest: f64::from(largest), dark, exposure })
+        let step = (f64::from(largest) / f64::from(least)).powf(1.0 / (N_SIZES - 1) as f64);
+        let sizes = std::array::from_fn(|i| f64::from(least) * step.powi(i as i32));
+        Ok(Self { basis, light, unit, sizes, dark, exposure })
     }
 
-    /// The picture at a flux, W, and a share of the largest size.
-    fn picture(&self, flux: f64, share: f64) -> Picture {
-        let size = share * self.largest;
+    /// The picture at a flux, W, and a size.
+    fn picture(&self, flux: f64, size: f64) -> Picture {
         let mut x = self.dark.clone();
         x.radiance[self.light] = flux / (self.unit * size * size);
         x.size[self.light] = size;
@@ -156,19 +161,19 @@ pub fn grid(scene: &mut Scene, settings: &Settings, observer: &impl Observer) ->
     let one = OneLight::render(scene, settings, observer)?;
     let light = &scene.lights[one.light];
     let mask = aov::trace(scene).mask;
-    let reference = one.picture(1.0, SIZES[1]);
+    let reference = one.picture(1.0, one.sizes[REFERENCE]);
     let shown = reference.rgb.iter().zip(&mask).filter(|(_, on_object)| **on_object);
     let on_object: Vec<f64> = shown.map(|(rgb, _)| luminance(*rgb)).collect();
     let well =
         well_lit(&on_object, one.exposure).ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
     let fluxes = STOPS.map(|stop| well * stop.exp2());
-    let cell = |flux: f64, share: f64| Cell {
-        picture: displayed(&one.picture(flux, share), one.exposure),
+    let cell = |flux: f64, size: f64| Cell {
+        picture: displayed(&one.picture(flux, size), one.exposure),
         caption: Vec::new(),
     };
-    let rows = SIZES.iter().map(|&share| Row {
-        name: extent(light, share * one.largest),
-        cells: fluxes.iter().map(|&flux| cell(flux, share)).collect(),
+    let rows = one.sizes.iter().map(|&size| Row {
+        name: extent(light, size),
+        cells: fluxes.iter().map(|&flux| cell(flux, size)).collect(),
     });
     let decimals = if fluxes[0] < 0.1 { 3 } else { 1 };
     Ok(Grid {

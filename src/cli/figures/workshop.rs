@@ -179,7 +179,8 @@ impl<'a> Workshop<'a> {
         let mut scene = load_scene(&path, None, |w| console.note(w))?;
         let how = flux::Settings {
             size: settings.thumbnail(),
-            spp: settings.final_spp,
+            // Samples are spread over all sizes.
+            spp: 2 * settings.final_spp,
             integrator: transport.integrator(),
             sampler: transport.sampler,
             seed: transport.seed,
