@@ -33,7 +33,7 @@ pub fn of(study: &Study, look: usize) -> Published {
 /// What a reader of the tables should know of the paper's numbers.
 pub const NOTES: [&str; 4] = [
     "Published numbers are of the paper's own scenes, which are not available; these are of the same kind. \
-     A dash: not known to us.",
+     A dash: not known to us, or without meaning there.",
     "The published f_q do not follow from the published terms: the six terms printed for Girl in high-key \
      give 0.237, the table says 0.284. Compare terms, and sums that are computed anew.",
     "t_varObj = 0.63 is out of reach: a standard deviation on [0, 1] is at most 0.5, so low-key's \
