@@ -32,6 +32,7 @@
 //! | [`optim`] | NLopt's L-BFGS, differences |
 //! | [`audit`] | the run directory |
 //! | [`design`] | a whole run |
+//! | [`figures`] | the tables and figures of \[PG14\] |
 //! | [`cli`] | the command line |
 //!
 //! # Bibliography
@@ -112,6 +113,7 @@ pub mod cli;
 pub mod design;
 pub mod embree;
 pub mod export;
+pub mod figures;
 pub mod files;
 pub mod film;
 pub mod integrator;

@@ -4,6 +4,7 @@ pub mod classify;
 mod common;
 pub mod evaluate;
 pub mod export;
+pub mod figures;
 pub mod learn;
 mod progress;
 pub mod relight;
@@ -38,6 +39,7 @@ enum Command {
     LearnSignature(learn::LearnArgs),
     Classify(classify::ClassifyArgs),
     Export(export::ExportArgs),
+    Figures(figures::FiguresArgs),
 }
 
 /// Runs the subcommand.
@@ -55,6 +57,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::LearnSignature(args) => learn::learn_signature(args),
         Command::Classify(args) => classify::classify(args),
         Command::Export(args) => export::export(args),
+        Command::Figures(args) => figures::figures(args),
     }
 }
 

@@ -272,7 +272,7 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
 }
 
 /// What of each term the lights reach, the lights found among them.
-fn reach(r: &RunReport) -> Vec<Reach> {
+pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     let with_found = |reach: &Reach| {
         let found = r.check.evaluation.get(reach.term);
         Reach {

@@ -1,0 +1,200 @@
+//! The runs that the figures show.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use image::RgbImage;
+
+use super::{Settings, WIDEST};
+use crate::{
+    cli::{
+        common::{TransportArgs, load_scene},
+        progress::Console,
+        run::reach,
+    },
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport},
+    figures::{
+        LOOKS, Outcome, Study,
+        convergence::{Search, mode, steps},
+        study::{BASKET, BASKET_TITLE},
+        table::Entry,
+    },
+    objective::{LuminanceMode, Target},
+    scene::sidecar::{FreeKind, FreeVariables},
+};
+
+/// Most memory of a transport basis, bytes.
+const MEMORY: u64 = 2 << 30;
+
+/// What all runs share.
+#[derive(Clone, Copy)]
+pub(super) struct Runner<'a> {
+    pub scenes: &'a Path,
+    pub out: &'a Path,
+    pub settings: Settings,
+    pub transport: &'a TransportArgs,
+    pub console: &'a Console,
+    pub force: bool,
+}
+
+/// Runs for all looks, and the seconds they took.
+pub(super) struct Done<T> {
+    pub each: Vec<T>,
+    /// Rows of the table of seconds.
+    pub seconds: Vec<Vec<Entry>>,
+}
+
+/// Headings of the table of seconds.
+pub(super) const TIMING_HEADER: [&str; 10] = [
+    "scene",
+    "background",
+    "look",
+    "mode",
+    "work_size",
+    "spp",
+    "threads",
+    "evaluations",
+    "renders",
+    "seconds",
+];
+
+impl Runner<'_> {
+    fn options(&self, directory: &str, free: Vec<FreeKind>) -> anyhow::Result<RunOptions> {
+        let jobs = LOOKS.iter().map(|look| {
+            let out = self.out.join(directory).join(look);
+            Ok(Job { target: Target::resolve(look)?, out })
+        });
+        Ok(RunOptions {
+            jobs: jobs.collect::<anyhow::Result<_>>()?,
+            gradient: Gradient::Basis,
+            tolerance: self.settings.tolerance,
+            time_limit: None,
+            cache: None,
+            memory: MEMORY,
+            integrator: self.transport.integrator(),
+            sampler: self.transport.sampler,
+            luminance: LuminanceMode::default(),
+            size: self.settings.size,
+            work_size: self.settings.work_size,
+            spp: self.settings.spp,
+            final_spp: self.settings.final_spp,
+            free: FreeVariables(free),
+            seed: self.transport.seed,
+            max_evaluations: self.settings.max_evaluations,
+            force: self.force,
+        })
+    }
+
+    fn run(&self, scene: &str, options: &RunOptions) -> anyhow::Result<Vec<RunReport>> {
+        let path = self.scenes.join(scene);
+        let mut scene = load_scene(&path, None, |w| self.console.note(w))?;
+        let reports = design::run(&mut scene, &path, options, self.console)
+            .with_context(|| path.display().to_string())?;
+        super::workshop::stop_if_interrupted(self.console, self.out)?;
+        Ok(reports)
+    }
+
+    /// A row of seconds; `before` are the renders of the looks before this one.
+    fn seconds(
+        &self,
+        scene: &str,
+        background: &str,
+        look: usize,
+        o: &RunOptions,
+        r: &RunReport,
+        before: u64,
+    ) -> Vec<Entry> {
+        let count = |n: f64| Entry::Number(n, 0);
+        vec![
+            scene.into(),
+            background.into(),
+            LOOKS[look].into(),
+            mode(o.gradient).into(),
+            format!("{}x{}", o.work_size.x, o.work_size.y).into(),
+            count(f64::from(o.spp)),
+            count(rayon::current_num_threads() as f64),
+            count(f64::from(r.evaluations)),
+            count((r.renders - before) as f64),
+            Entry::Number((r.seconds * 10.0).round() / 10.0, 1),
+        ]
+    }
+
+    /// Lights a study's scene for both looks, from one transport basis.
+    ///
+    /// # Errors
+    /// When the run fails, or is interrupted.
+    pub fn study(&self, study: Study) -> anyhow::Result<Done<Outcome>> {
+        let background = study.background_word();
+        self.console.note(&format!("== {}, background {background}", study.title));
+        let options = self.options(&format!("runs/{}", study.directory), study.free())?;
+        let reports = self.run(study.scene, &options)?;
+        let mut done = Done { each: Vec::new(), seconds: Vec::new() };
+        let mut before = 0;
+        for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
+            done.seconds.push(self.seconds(study.title, background, look, &options, report, before));
+            before = report.renders;
+            done.each.push(Outcome {
+                study,
+                look,
+                f_q_initial: report.initial.evaluation.f_q,
+                found: report.check.evaluation.clone(),
+                error: report.check.error_bar(),
+                f_q_final: report.last.f_q,
+                reach: reach(report),
+                caution: report.caution.clone(),
+                initial: picture(&job.out.join("initial.png"))?,
+                last: picture(&job.out.join("final.png"))?,
+            });
+        }
+        Ok(done)
+    }
+
+    /// Lights the fruit basket for both looks in paper mode and in default mode, both at the
+    /// same small size.
+    ///
+    /// # Errors
+    /// When the run fails, or is interrupted.
+    pub fn compared(&self) -> anyhow::Result<Done<Search>> {
+        let mut done = Done { each: Vec::new(), seconds: Vec::new() };
+        for gradient in [Gradient::Fd, Gradient::Basis] {
+            self.console.note(&format!("== {BASKET_TITLE}, {} mode", mode(gradient)));
+            let s = &self.settings;
+            let directory = format!("runs/convergence/{}", mode(gradient));
+            let free = vec![FreeKind::Radiance, FreeKind::Size];
+            let mut options = RunOptions {
+                gradient,
+                size: s.compared_size,
+                work_size: s.compared_size,
+                final_spp: s.compared_spp,
+                ..self.options(&directory, free)?
+            };
+            if gradient == Gradient::Fd {
+                options.spp = s.compared_spp;
+            }
+            let reports = self.run(BASKET, &options)?;
+            let mut before = 0;
+            for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
+                done.seconds.push(self.seconds(BASKET_TITLE, "fixed", look, &options, report, before));
+                before = report.renders;
+                done.each.push(Search {
+                    gradient,
+                    look,
+                    steps: steps(&job.out)?,
+                    check: [report.check.evaluation.f_q, report.check.error_bar()],
+                });
+            }
+        }
+        Ok(done)
+    }
+}
+
+/// A picture of a run, no wider than a figure shows it.
+fn picture(path: &PathBuf) -> anyhow::Result<RgbImage> {
+    let image = image::open(path).with_context(|| format!("{}: cannot read the picture", path.display()))?;
+    let image = image.to_rgb8();
+    if image.width() <= WIDEST {
+        return Ok(image);
+    }
+    let height = (image.height() * WIDEST).div_ceil(image.width());
+    Ok(image::imageops::thumbnail(&image, WIDEST, height))
+}

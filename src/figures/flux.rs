@@ -1,0 +1,215 @@
+//! One light at several sizes and fluxes, from one transport basis.
+//!
+//! At equal flux a larger light has a lower radiance: what changes along a column of the
+//! figure is the softness of the shadows, along a row the brightness.
+
+use std::f64::consts::PI;
+
+use glam::UVec2;
+
+use super::{
+    canvas::displayed,
+    grid::{Cell, Grid, Row},
+};
+use crate::{
+    film::Picture,
+    integrator::{Integrator, Observer, RenderError, aov},
+    light::{Light, Outline, Shape, SizeDensity},
+    math::display::{LuminanceMode, luminance},
+    params::survey::{self, SurveyError},
+    sampler::SamplerKind,
+    scene::Scene,
+    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+};
+
+/// Sizes from the least, each twice the one before, and where among them the fluxes are
+/// chosen.
+const N_SIZES: usize = 4;
+const REFERENCE: usize = 1;
+/// Fluxes, in stops from the one that lights the object well.
+const STOPS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
+/// Display luminance of a well lit object; the target of both looks.
+const WELL_LIT: f64 = 0.47;
+/// Knots of the size.
+const KNOTS: usize = 32;
+
+/// The grid cannot be made.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum FluxError {
+    #[error("the scene has no rectangle, disk or sphere whose size may vary")]
+    NoLight,
+    #[error("light `{light}` does not light the main object")]
+    Dark { light: String },
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// How the pictures are taken.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Of each picture, pixels.
+    pub size: UVec2,
+    /// Samples per pixel of the basis.
+    pub spp: u32,
+    /// Light transport.
+    pub integrator: Integrator,
+    /// Sample sequences.
+    pub sampler: SamplerKind,
+    /// Seed of the basis.
+    pub seed: u64,
+}
+
+/// Flux at radiance 1 and size 1: π times the surface that emits, m².
+fn emission(light: &Light) -> Option<f64> {
+    match &light.shape {
+        Shape::Planar(p) if p.cone.is_none() => Some(
+            PI * match p.outline {
+                Outline::Rectangle { a, b } => 4.0 * f64::from(a) * f64::from(b),
+                Outline::Disk { r } => PI * f64::from(r).powi(2),
+            },
+        ),
+        Shape::Sphere(s) => Some(PI * 4.0 * PI * f64::from(s.radius).powi(2)),
+        _ => None,
+    }
+}
+
+/// Extent of a light of a size, in words.
+fn extent(light: &Light, size: f64) -> String {
+    let cm = |half: f32| {
+        let full = 200.0 * f64::from(half) * size;
+        if full < 10.0 { format!("{full:.1}") } else { format!("{full:.0}") }
+    };
+    match &light.shape {
+        Shape::Planar(p) => match p.outline {
+            Outline::Rectangle { a, b } => format!("{} × {} cm", cm(a), cm(b)),
+            Outline::Disk { r } => format!("⌀ {} cm", cm(r)),
+        },
+        Shape::Sphere(s) => format!("⌀ {} cm", cm(s.radius)),
+        _ => String::new(),
+    }
+}
+
+/// A basis of a scene in which one light's size is free.
+struct OneLight {
+    basis: TransportBasis,
+    light: usize,
+    /// Its flux at radiance 1 and size 1, W.
+    unit: f64,
+    /// From the least, in equal ratios.
+    sizes: [f64; N_SIZES],
+    /// All lights off, at their sizes.
+    dark: LightingPoint,
+    exposure: f64,
+}
+
+impl OneLight {
+    /// Takes the light called `key`, else the first that has a size, and renders.
+    fn render(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Self, FluxError> {
+        scene.camera.resize(settings.size);
+        let (sizes, _) = survey::fit_sizes(scene, settings.size)?;
+        let suitable: Vec<(usize, f64, [f32; 2])> = scene
+            .lights
+            .iter()
+            .zip(&sizes)
+            .enumerate()
+            .filter_map(|(l, (light, size))| Some((l, emission(light)?, (*size)?)))
+            .collect();
+        let key = suitable.iter().find(|s| scene.lights[s.0].name == "key");
+        let &(light, unit, [least, most]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
+        let largest = most.min(least * 2_f32.powi(N_SIZES as i32 - 1));
+        let bins = scene.lights.iter().enumerate().map(|(l, other)| {
+            if l == light {
+                SizeBins::Free(Knots::geometric(f64::from(least), f64::from(largest), KNOTS))
+            } else {
+                SizeBins::Fixed(other.size)
+            }
+        });
+        let dark = LightingPoint {
+            radiance: vec![0.0; scene.lights.len()],
+            size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
+            value: f64::from(scene.background_value()),
+        };
+        let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(dark.value, 1));
+        scene.lights[light].size_density = SizeDensity::AnySize { least, extent: largest };
+        let mut basis = TransportBasis::new(layout, 1);
+        let Settings { integrator, sampler, seed, spp, .. } = *settings;
+        basis.render(Source { scene, integrator: &integrator, sampler, seed }, spp, observer)?;
+        let exposure = f64::from(scene.exposure);
+        let step = (f64::from(largest) / f64::from(least)).powf(1.0 / (N_SIZES - 1) as f64);
+        let sizes = std::array::from_fn(|i| f64::from(least) * step.powi(i as i32));
+        Ok(Self { basis, light, unit, sizes, dark, exposure })
+    }
+
+    /// The picture at a flux, W, and a size.
+    fn picture(&self, flux: f64, size: f64) -> Picture {
+        let mut x = self.dark.clone();
+        x.radiance[self.light] = flux / (self.unit * size * size);
+        x.size[self.light] = size;
+        self.basis.picture(&x)
+    }
+}
+
+/// Renders one basis of the scene under its light called `key`, else the first that has a
+/// size, and lays out its pictures.
+///
+/// # Errors
+/// When no light has a size, or the render fails.
+pub fn grid(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Grid, FluxError> {
+    let one = OneLight::render(scene, settings, observer)?;
+    let light = &scene.lights[one.light];
+    let mask = aov::trace(scene).mask;
+    let reference = one.picture(1.0, one.sizes[REFERENCE]);
+    let shown = reference.rgb.iter().zip(&mask).filter(|(_, on_object)| **on_object);
+    let on_object: Vec<f64> = shown.map(|(rgb, _)| luminance(*rgb)).collect();
+    let well =
+        well_lit(&on_object, one.exposure).ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
+    let fluxes = STOPS.map(|stop| well * stop.exp2());
+    let cell = |flux: f64, size: f64| Cell {
+        picture: displayed(&one.picture(flux, size), one.exposure),
+        caption: Vec::new(),
+    };
+    let rows = one.sizes.iter().map(|&size| Row {
+        name: extent(light, size),
+        cells: fluxes.iter().map(|&flux| cell(flux, size)).collect(),
+    });
+    let decimals = if fluxes[0] < 0.1 { 3 } else { 1 };
+    Ok(Grid {
+        rows: rows.collect(),
+        columns: fluxes.iter().map(|flux| format!("{flux:.decimals$} W")).collect(),
+        axes: Some([format!("flux of the light “{}”", light.name), "its size".to_owned()]),
+    })
+}
+
+/// The gain at which the mean display luminance is [`WELL_LIT`].
+fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
+    if y.iter().sum::<f64>() <= 0.0 {
+        return None;
+    }
+    let mean = |gain: f64| {
+        let sum: f64 = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, exposure)).sum();
+        sum / y.len() as f64
+    };
+    let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
+    for _ in 0..60 {
+        let middle = 0.5 * (lo + hi);
+        if mean(middle.exp2()) < WELL_LIT { lo = middle } else { hi = middle }
+    }
+    Some(hi.exp2())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_well_lit_gain_brings_the_mean_there() {
+        let y = [0.2, 0.4, 0.1];
+        let gain = well_lit(&y, 2.0).unwrap();
+        let mean = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, 2.0)).sum::<f64>() / 3.0;
+        assert!((mean - WELL_LIT).abs() < 1e-9);
+        assert_eq!(well_lit(&[0.0], 1.0), None);
+    }
+}

@@ -1,0 +1,247 @@
+//! Tables as CSV (full precision), LaTeX (booktabs) and HTML.
+
+use std::fmt::{self, Write as _};
+
+/// What stands in a table.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Entry {
+    /// Words.
+    Text(String),
+    /// A number, and the decimals it is shown with.
+    Number(f64, usize),
+    /// Not known, or without meaning here.
+    Dash,
+}
+
+impl Entry {
+    /// A number shown with three decimals.
+    #[must_use]
+    pub fn number(value: f64) -> Self {
+        Self::Number(value, 3)
+    }
+
+    /// A number with three decimals, or a dash.
+    #[must_use]
+    pub fn known(value: Option<f64>) -> Self {
+        value.map_or(Self::Dash, Self::number)
+    }
+}
+
+impl From<&str> for Entry {
+    fn from(words: &str) -> Self {
+        Self::Text(words.to_owned())
+    }
+}
+
+impl From<String> for Entry {
+    fn from(words: String) -> Self {
+        Self::Text(words)
+    }
+}
+
+/// A table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Above it.
+    pub caption: String,
+    /// Heading of each column.
+    pub header: Vec<&'static str>,
+    /// Rows of as many entries.
+    pub rows: Vec<Vec<Entry>>,
+    /// Leading columns whose entries are shown once for rows that share them.
+    pub grouped: usize,
+}
+
+/// A way of writing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Markup {
+    Latex,
+    Html,
+}
+
+/// Symbols by their spelling in captions and headings: LaTeX, HTML.
+const SYMBOLS: [(&str, &str, &str); 11] = [
+    ("f_q", "$f_q$", "<i>f</i><sub>q</sub>"),
+    ("Σ w f", r"$\sum w f$", "Σ <i>w f</i>"),
+    ("±", r"$\pm$", "±"),
+    ("×", r"$\times$", "×"),
+    ("σ", r"$\sigma$", "σ"),
+    ("≥", r"$\ge$", "≥"),
+    ("…", r"\dots{}", "…"),
+    ("“", "``", "“"),
+    ("”", "''", "”"),
+    ("–", "--", "–"),
+    ("—", "---", "—"),
+];
+
+/// Words with their special characters escaped and their symbols set.
+fn set(words: &str, markup: Markup) -> String {
+    let mut out = String::new();
+    let mut rest = words;
+    while let Some(c) = rest.chars().next() {
+        if let Some((symbol, latex, html)) = SYMBOLS.iter().find(|(s, ..)| rest.starts_with(s)) {
+            out += if markup == Markup::Latex { latex } else { html };
+            rest = &rest[symbol.len()..];
+            continue;
+        }
+        match (markup, c) {
+            (Markup::Latex, '_' | '&' | '%' | '#' | '$' | '{' | '}') => {
+                out.push('\\');
+                out.push(c);
+            }
+            (Markup::Html, '&') => out += "&amp;",
+            (Markup::Html, '<') => out += "&lt;",
+            (Markup::Html, '>') => out += "&gt;",
+            _ => out.push(c),
+        }
+        rest = &rest[c.len_utf8()..];
+    }
+    out
+}
+
+/// Words as HTML.
+#[must_use]
+pub fn html_words(words: &str) -> String {
+    set(words, Markup::Html)
+}
+
+fn shown(entry: &Entry, markup: Markup) -> String {
+    match entry {
+        Entry::Text(words) => set(words, markup),
+        Entry::Number(value, decimals) => format!("{value:.decimals$}"),
+        Entry::Dash => set("–", markup),
+    }
+}
+
+impl Table {
+    /// The row's entries from the first column in which it differs from the row before, the
+    /// shared ones being empty; and whether a new group begins.
+    fn visible(&self, row: usize, markup: Markup) -> (Vec<String>, bool) {
+        let now = &self.rows[row];
+        let before = row.checked_sub(1).map(|r| &self.rows[r]);
+        let shared =
+            before.map_or(0, |b| now.iter().zip(b).take(self.grouped).take_while(|(a, b)| a == b).count());
+        let words =
+            now.iter().enumerate().map(|(i, e)| if i < shared { String::new() } else { shown(e, markup) });
+        (words.collect(), self.grouped > 0 && shared < self.grouped && row > 0)
+    }
+
+    /// Whether a column holds numbers.
+    fn is_number(&self, column: usize) -> bool {
+        self.rows.iter().any(|r| matches!(r.get(column), Some(Entry::Number(..))))
+    }
+
+    /// Comma-separated: names spelt out in every row, numbers in full precision, nothing for a dash.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let quoted = |words: &str| {
+            if words.contains([',', '"', '\n']) {
+                format!("\"{}\"", words.replace('"', "\"\""))
+            } else {
+                words.to_owned()
+            }
+        };
+        let mut text: String = self.header.iter().map(|h| quoted(h)).collect::<Vec<_>>().join(",") + "\n";
+        for row in &self.rows {
+            let entries = row.iter().map(|e| match e {
+                Entry::Text(words) => quoted(words),
+                Entry::Number(value, 0) => format!("{value:.0}"),
+                Entry::Number(value, _) => format!("{value:?}"),
+                Entry::Dash => String::new(),
+            });
+            text += &(entries.collect::<Vec<_>>().join(",") + "\n");
+        }
+        text
+    }
+
+    /// A `table` environment; needs the package `booktabs`.
+    ///
+    /// # Errors
+    /// Never: writing to a string does not fail.
+    pub fn latex(&self, notes: &[&str]) -> Result<String, fmt::Error> {
+        let m = Markup::Latex;
+        let columns: String =
+            (0..self.header.len()).map(|i| if self.is_number(i) { 'r' } else { 'l' }).collect();
+        let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\\small\n");
+        writeln!(text, "\\caption{{{}}}", set(&self.caption, m))?;
+        writeln!(text, "\\begin{{tabular}}{{{columns}}}\n\\toprule")?;
+        let heads: Vec<String> = self.header.iter().map(|h| set(h, m)).collect();
+        writeln!(text, "{} \\\\\n\\midrule", heads.join(" & "))?;
+        for i in 0..self.rows.len() {
+            let (words, begins) = self.visible(i, m);
+            if begins {
+                text.push_str("\\addlinespace\n");
+            }
+            writeln!(text, "{} \\\\", words.join(" & "))?;
+        }
+        text.push_str("\\bottomrule\n\\end{tabular}\n");
+        for note in notes {
+            writeln!(text, "\n\\smallskip\\noindent\\footnotesize {}", set(note, m))?;
+        }
+        text.push_str("\\end{table}\n");
+        Ok(text)
+    }
+
+    /// A `table` element.
+    ///
+    /// # Errors
+    /// Never: writing to a string does not fail.
+    pub fn html(&self) -> Result<String, fmt::Error> {
+        let m = Markup::Html;
+        let mut text = format!("<table>\n<caption>{}</caption>\n<thead><tr>", set(&self.caption, m));
+        for (i, head) in self.header.iter().enumerate() {
+            let class = if self.is_number(i) { " class=\"n\"" } else { "" };
+            write!(text, "<th{class}>{}</th>", set(head, m))?;
+        }
+        text.push_str("</tr></thead>\n<tbody>\n");
+        let numbers: Vec<bool> = (0..self.header.len()).map(|i| self.is_number(i)).collect();
+        for i in 0..self.rows.len() {
+            let (words, begins) = self.visible(i, m);
+            text.push_str(if begins { "<tr class=\"begins\">" } else { "<tr>" });
+            for (word, number) in words.iter().zip(&numbers) {
+                let class = if *number { " class=\"n\"" } else { "" };
+                write!(text, "<td{class}>{word}</td>")?;
+            }
+            text.push_str("</tr>\n");
+        }
+        text.push_str("</tbody>\n</table>\n");
+        Ok(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let row = |a: &str, b: f64| vec![a.into(), "x_1, \"y\"".into(), Entry::number(b), Entry::Dash];
+        Table {
+            caption: "A & B: f_q".to_owned(),
+            header: vec!["scene", "what", "f_q", "none"],
+            rows: vec![row("a", 0.123_456), row("a", 0.5), row("b", 1.0)],
+            grouped: 1,
+        }
+    }
+
+    #[test]
+    fn a_csv_is_complete_and_exact() {
+        let csv = table().csv();
+        let lines: Vec<&str> = csv.lines().collect();
+        assert_eq!(lines[0], "scene,what,f_q,none");
+        assert_eq!(lines[1], "a,\"x_1, \"\"y\"\"\",0.123456,");
+        assert!(lines[2].starts_with("a,"));
+    }
+
+    #[test]
+    fn latex_and_html_escape_and_show_a_shared_name_once() {
+        let latex = table().latex(&["50 %"]).unwrap();
+        assert!(latex.contains("A \\& B: $f_q$") && latex.contains("50 \\%"), "{latex}");
+        assert!(latex.contains("a & x\\_1, \"y\" & 0.123 & -- \\\\\n & x\\_1"), "{latex}");
+        assert_eq!(latex.matches("\\addlinespace").count(), 1);
+        assert!(latex.contains("{llrl}"));
+        let html = table().html().unwrap();
+        assert!(html.contains("A &amp; B: <i>f</i><sub>q</sub>"), "{html}");
+        assert_eq!(html.matches("<td>a</td>").count(), 1);
+        assert_eq!(html.matches("<tr class=\"begins\">").count(), 1);
+    }
+}
