@@ -133,7 +133,7 @@ impl OneLight {
             value: f64::from(scene.background_value()),
         };
         let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(dark.value, 1));
-        scene.lights[light].size_density = SizeDensity::AnySize { least, extent: largest };
+        scene.lights[light].size_density = SizeDensity::any_size([least, largest]);
         let mut basis = TransportBasis::new(layout, 1);
         let Settings { integrator, sampler, seed, spp, .. } = *settings;
         basis.render(Source { scene, integrator: &integrator, sampler, seed }, spp, observer)?;

@@ -160,7 +160,8 @@ where
             self.x[i] = value.clamp(self.lower[i], self.upper[i]);
         }
         // What the objective forgets to fill in must not pass for a derivative.
-        self.gradient.fill(f64::NAN);
+        let is_needed = self.options.method == Method::Lbfgs;
+        self.gradient.fill(if is_needed { f64::NAN } else { 0.0 });
         let value = match (self.f)(&self.x, &mut self.gradient) {
             ControlFlow::Continue(value) => value,
             ControlFlow::Break(Interrupt) => return stop(StopReason::Interrupted),

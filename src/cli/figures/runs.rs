@@ -67,6 +67,7 @@ impl Runner<'_> {
         Ok(RunOptions {
             jobs: jobs.collect::<anyhow::Result<_>>()?,
             gradient: Gradient::Basis,
+            global: false,
             tolerance: self.settings.tolerance,
             time_limit: None,
             cache: None,
