@@ -14,9 +14,9 @@ use crate::{
 };
 
 /// Points of the box at which every term is measured.
-const N_POINTS: u32 = 256;
+const N_POINTS: u32 = 128;
 /// Evaluations of the descent of a term alone.
-const EVALUATIONS: u32 = 30;
+const EVALUATIONS: u32 = 20;
 /// A term that cannot come below this is worth a word.
 const NOTABLE: f64 = 0.02;
 

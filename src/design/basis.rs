@@ -31,7 +31,7 @@ use crate::{
 /// Times the basis is rendered anew around what was found.
 const MAX_REFOCUS: u32 = 4;
 /// Samples of a basis around what was found, times those of the first basis.
-const FOCUS_FACTOR: f64 = 1.5;
+const FOCUS_FACTOR: f64 = 1.0;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
 /// Samples per pixel after which no more are added, of all replicates.

@@ -22,8 +22,10 @@ const REPLICATES: usize = 4;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
-/// Knots of a basis around what was found: half of them close to it.
+/// Knots of a basis around what was found, half of them close to it, and its replicates:
+/// fewer of the ones leave room for more of the others, which tell the error better.
 const FOCUS_KNOTS: usize = 12;
+const FOCUS_REPLICATES: usize = 8;
 /// They lie within this share of the size found.
 const FOCUS: f64 = 0.15;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
@@ -233,9 +235,10 @@ impl Engine {
         options: &RunOptions,
         reporter: &impl Reporter,
     ) -> Result<(), RunError> {
-        let mut left = spp.div_ceil(REPLICATES as u32).max(1);
-        let renders = u64::from(left.div_ceil(UNINTERRUPTED)) * REPLICATES as u64;
-        reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y) * renders));
+        let replicates = self.basis.n_replicates() as u32;
+        let mut left = spp.div_ceil(replicates).max(1);
+        let renders = left.div_ceil(UNINTERRUPTED) * replicates;
+        reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y * renders)));
         self.plan.open(scene, self.focus.as_ref());
         let source =
             Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
@@ -254,7 +257,7 @@ impl Engine {
     /// Samples per pixel of all replicates.
     #[must_use]
     pub fn samples(&self) -> u32 {
-        self.basis.n_samples() * REPLICATES as u32
+        self.basis.n_samples() * self.basis.n_replicates() as u32
     }
 
     /// The picture with every light at radiance 1, its present size, and the
@@ -272,7 +275,7 @@ impl Engine {
         let focus = Focus { lighting, weights };
         Self {
             plan: self.plan.clone(),
-            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), REPLICATES),
+            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), FOCUS_REPLICATES),
             focus: Some(focus),
             seed: hash_words(&[self.seed, u64::from(round) + 1]),
             stored: None,

@@ -19,7 +19,7 @@ use crate::{
 const N_RANDOM: u32 = 192;
 /// Starts that descend on the reduced picture, and that go on to the whole one.
 const N_COARSE: usize = 16;
-const N_FINE: usize = 4;
+const N_FINE: usize = 3;
 /// Starts nearer than this to a better one, in any direction of the unit cube, do not descend.
 const APART: f64 = 0.1;
 /// Evaluations of a descent on the reduced picture and of each stage on the whole one.
@@ -105,7 +105,7 @@ pub fn search(
         .into_par_iter()
         .map(|k| {
             let (i, u, _) = &coarse[k];
-            Ok((*i, polish(whole, u, &STAGES, cancelled)?))
+            Ok((*i, polish(whole, u, &STAGES[1..], cancelled)?))
         })
         .collect::<Result<_, OptimError>>()?;
     for (i, p) in polished {
