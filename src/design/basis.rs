@@ -1,8 +1,10 @@
 //! Optimisation on the transport basis: one render, many evaluations.
 //!
-//! Samples are added until the error of f_q is small enough; a check render with
-//! samples of its own gives the f_q that is reported; while both disagree the
-//! basis is rendered again, with its size knots around the lights found.
+//! Few samples of a basis for all lightings tell where to look. Around the lights found
+//! a basis of its own is rendered, whose knots and samples lie there, and the search goes
+//! on in it; samples are added until the error of f_q is small enough. A check render with
+//! samples that chose nothing gives the f_q that is reported; while both disagree, the
+//! basis is rendered anew.
 
 use std::time::Instant;
 

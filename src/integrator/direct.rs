@@ -7,7 +7,11 @@
 use glam::Vec2;
 
 use super::Integrator;
-use crate::{light::LightId, sampler::Sampler, scene::Scene};
+use crate::{
+    light::{Light, LightId},
+    sampler::Sampler,
+    scene::Scene,
+};
 
 /// A light to be sampled.
 pub(super) struct LightChoice {
@@ -19,6 +23,13 @@ pub(super) struct LightChoice {
 }
 
 impl Integrator {
+    /// Without samples that would only repeat others: all samples of a point are one.
+    pub(super) fn useful(&self, scene: &Scene) -> Self {
+        let is_points = scene.lights.iter().all(Light::is_delta);
+        let most = if is_points { scene.lights.len().max(1) as u32 } else { self.light_samples };
+        Self { light_samples: self.light_samples.min(most), ..*self }
+    }
+
     /// Light samples at the end of a camera subpath of `n_edges` edges: the lens gets one.
     #[must_use]
     pub(super) fn samples_at(&self, n_edges: usize) -> u32 {

@@ -175,6 +175,7 @@ impl Integrator {
         sampling: Sampling,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
+        let integrator = self.useful(scene);
         let region = film.region();
         let size = scene.camera.size();
         let (bad_before, over_before) = film.defects();
@@ -187,9 +188,20 @@ impl Integrator {
                 for index in sampling.first..sampling.first + sampling.count {
                     sampler.start(pixel, index);
                     match self.kind {
-                        IntegratorKind::Path => path::sample(self, scene, nodes, &mut sampler, pixel, row),
+                        IntegratorKind::Path => {
+                            path::sample(&integrator, scene, nodes, &mut sampler, pixel, row)
+                        }
                         IntegratorKind::Bdpt => {
-                            bdpt::sample(self, scene, nodes, &mut sampler, pixel, kept, &mut bdpt, row);
+                            bdpt::sample(
+                                &integrator,
+                                scene,
+                                nodes,
+                                &mut sampler,
+                                pixel,
+                                kept,
+                                &mut bdpt,
+                                row,
+                            );
                         }
                     }
                 }

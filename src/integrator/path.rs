@@ -9,7 +9,7 @@ use super::{Heuristic, Integrator, Strategy, Values, direct::LightChoice, film_p
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    math::{NodeRgb, SolidAnglePdf},
+    math::{NodeRgb, Rgb, SolidAnglePdf},
     sampler::{Sampler, Stream},
     scene::{Scene, SurfaceInteraction},
 };
@@ -96,12 +96,11 @@ fn next_event<const N: usize>(
         let Some(l) = light.sample_li(si.p, u) else { continue };
         let density = l.pdf.0 * expected;
         let f = si.scatter(wo, l.wi, TransportMode::Radiance);
-        let value = nodes.scatter(beta, f, si).times(l.radiance / density);
-        if value.is_zero() {
+        if f.is_zero() || l.radiance == Rgb::ZERO {
             continue;
         }
-        let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
-        if value.is_zero() {
+        let passed = scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+        if passed == 0.0 {
             continue;
         }
         let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
@@ -109,7 +108,7 @@ fn next_event<const N: usize>(
         recorder.add(&Contribution {
             light: id,
             at: l.at,
-            value: value.scaled(mis_weight),
+            value: nodes.scatter(beta, f, si).times(l.radiance * (passed * mis_weight / density)),
             strategy: Strategy::new(1, n_edges + 1),
             mis_weight,
         });

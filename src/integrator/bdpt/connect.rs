@@ -7,7 +7,7 @@ use super::{
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    math::NodeRgb,
+    math::{NodeRgb, Rgb},
     sampler::Sampler,
     scene::Scene,
 };
@@ -43,12 +43,11 @@ impl<const N: usize> Connect<'_, N> {
             let light = &scene.lights[id as usize];
             let Some(l) = light.sample_li(z.p, u) else { continue };
             let f = z.scatter(l.wi, TransportMode::Radiance);
-            let value = nodes.scatter(&z.beta, f, si).times(l.radiance / (l.pdf.0 * expected));
-            if value.is_zero() {
+            if f.is_zero() || l.radiance == Rgb::ZERO {
                 continue;
             }
-            let value = value.scaled(scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id)));
-            if value.is_zero() {
+            let passed = scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+            if passed == 0.0 {
                 continue;
             }
             let h = integrator.heuristic;
@@ -73,10 +72,11 @@ impl<const N: usize> Connect<'_, N> {
                 once * p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
             let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
             let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
+            let from_light = l.radiance * (passed * mis_weight / (l.pdf.0 * expected));
             recorder.add(&Contribution {
                 light: id,
                 at: l.at,
-                value: value.scaled(mis_weight),
+                value: nodes.scatter(&z.beta, f, si).times(from_light),
                 strategy: Strategy::new(1, t),
                 mis_weight,
             });
@@ -117,21 +117,18 @@ impl<const N: usize> Connect<'_, N> {
         if passed == 0.0 {
             return;
         }
-        let from_light = nodes.scatter(&y.beta, f_y, y_si);
-        let value = nodes.scatter(&z.beta, f_z, z_si).product(&from_light).scaled(passed / dist2);
-        if value.is_zero() {
-            return;
-        }
         let h = integrator.heuristic;
         let r_z = f64::from(y.pdf(-w).to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
         let r_y = f64::from(z.pdf(w).to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
         let s_c = h.apply(r_z) * z.mis.close(h, z.pdf_rev(w));
         let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(-w));
         let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
+        let from_light = nodes.scatter(&y.beta, f_y, y_si);
+        let value = nodes.scatter(&z.beta, f_z, z_si).product(&from_light);
         recorder.add(&Contribution {
             light: y.light,
             at: y.at,
-            value: value.scaled(mis_weight),
+            value: value.scaled(passed * mis_weight / dist2),
             strategy: Strategy::new(s, t),
             mis_weight,
         });
