@@ -24,10 +24,10 @@ const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
 /// Knots of a basis around what was found, half of them close to it, and its replicates:
 /// fewer of the ones leave room for more of the others, which tell the error better.
-const FOCUS_KNOTS: usize = 12;
+const FOCUS_KNOTS: usize = 16;
 const FOCUS_REPLICATES: usize = 8;
 /// They lie within this share of the size found.
-const FOCUS: f64 = 0.15;
+const FOCUS: f64 = 0.2;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
 const FAINT_LIGHT: f32 = 0.05;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
