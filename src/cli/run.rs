@@ -84,7 +84,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of a working picture; of the transport basis, the first [default: 16]
+    /// Samples per pixel of a working picture; of the transport basis, the first [default: 32; fd: 16]
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,
 
@@ -175,7 +175,7 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
 }
 
 /// Samples per pixel by default.
-const BASIS_SPP: u32 = 16;
+const BASIS_SPP: u32 = 32;
 const FD_SPP: u32 = 16;
 /// Width of the working pictures by default.
 const WORK_WIDTH: u32 = 128;

@@ -80,8 +80,10 @@ pub fn optimise(
     let options = problem.options;
     let late = || options.time_limit.is_some_and(|t| begin.elapsed() >= t);
     reporter.stage("searching the basis", None);
+    let everywhere = search::Within::everywhere(problem.variables.len());
     let trials = on_reduced(engine, problem, |whole, reduced| {
-        let mut trials = search::search(whole, reduced, starts, engine.seed() as u32, &cancelled)?;
+        let mut trials =
+            search::search(whole, reduced, starts, &everywhere, engine.seed() as u32, &cancelled)?;
         if options.global {
             let (start, n) = search::global(reduced, &cancelled)?;
             let polished = search::refine(whole, &start, &cancelled)?;
@@ -157,7 +159,11 @@ pub fn optimise(
         log_time(dir, "basis", clock)?;
         let clock = Instant::now();
         let engine = own.as_ref().unwrap_or(engine);
-        best = refine(engine, &best, problem, &mut n_evaluations, &cancelled)?;
+        best = if refocus {
+            search_around(engine, &best, &trials, problem, &mut n_evaluations, &cancelled)?
+        } else {
+            refine(engine, &best, problem, &mut n_evaluations, &cancelled)?
+        };
         log_time(dir, "refine", clock)?;
     };
     let engine = own.as_ref().unwrap_or(engine);
@@ -189,6 +195,28 @@ fn on_reduced<T>(
         None => f(&whole, &whole),
         Some((basis, objective)) => f(&whole, &Evaluator { basis: &basis, objective: &objective, ..whole }),
     }
+}
+
+/// Searches a new basis around the best point, and from the other ends that were found.
+fn search_around(
+    engine: &Engine,
+    best: &Polished,
+    trials: &[Trial],
+    problem: &Problem,
+    n_evaluations: &mut u32,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Polished, RunError> {
+    let ends = trials.iter().filter_map(|t| Some((t.name.clone(), t.polished.as_ref()?.u.clone())));
+    let starts: Vec<_> = std::iter::once(("best".to_owned(), best.u.clone())).chain(ends).collect();
+    let within = search::Within::around(&best.u);
+    let again = on_reduced(engine, problem, |whole, reduced| {
+        Ok(search::search(whole, reduced, &starts, &within, engine.seed() as u32, cancelled)?)
+    })?;
+    *n_evaluations +=
+        again.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum::<u32>();
+    let Some((_, found)) = search::best(&again) else { return Ok(best.clone()) };
+    let evaluations = [best.evaluations.clone(), found.evaluations.clone()].concat();
+    Ok(Polished { evaluations, ..found.clone() })
 }
 
 fn refine(

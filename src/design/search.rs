@@ -15,13 +15,9 @@ use crate::{
     optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
-/// Points of the low-discrepancy set.
-const N_RANDOM: u32 = 192;
-/// Starts that descend on the reduced picture, and that go on to the whole one.
-const N_COARSE: usize = 16;
-const N_FINE: usize = 3;
-/// Starts nearer than this to a better one, in any direction of the unit cube, do not descend.
-const APART: f64 = 0.1;
+/// Starts nearer than this to a better one in all directions, in units of half the
+/// box, do not descend.
+const APART: f64 = 0.2;
 /// Evaluations of a descent on the reduced picture and of each stage on the whole one.
 const COARSE_EVALUATIONS: u32 = 40;
 const FINE_EVALUATIONS: u32 = 40;
@@ -58,6 +54,54 @@ pub struct Polished {
 /// Smoothing and the largest component of the first trial step of the stages.
 const STAGES: [(f64, f64); 3] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02), (Smoothing::DELTA_LAST, 0.005)];
 
+/// Where a search looks, and how hard.
+#[derive(Clone, Debug)]
+pub struct Within {
+    center: Vec<f64>,
+    /// Half the side of the box around it, cut to the unit cube.
+    radius: f64,
+    /// Points of the low-discrepancy set.
+    n_points: u32,
+    /// Starts that descend on the reduced picture, and that go on to the whole one.
+    n_coarse: usize,
+    n_fine: usize,
+}
+
+impl Within {
+    /// The whole unit cube of `n` dimensions.
+    #[must_use]
+    pub fn everywhere(n: usize) -> Self {
+        Self { center: vec![0.5; n], radius: 0.5, n_points: 1024, n_coarse: 32, n_fine: 8 }
+    }
+
+    /// What lies around a point: kinks end a descent early, and beyond one of them
+    /// there may be a better end.
+    #[must_use]
+    pub fn around(u: &[f64]) -> Self {
+        Self { center: u.to_vec(), radius: 0.15, n_points: 128, n_coarse: 16, n_fine: 3 }
+    }
+
+    fn point(&self, i: u32, seed: u32) -> Vec<f64> {
+        let at = |(d, c): (usize, &f64)| {
+            let s = f64::from(sobol_burley::sample(i, d as u32 % 256, seed));
+            (c + self.radius * (2.0 * s - 1.0)).clamp(0.0, 1.0)
+        };
+        self.center.iter().enumerate().map(at).collect()
+    }
+
+    /// The first of the points in their order that lie apart, `count` at most.
+    fn apart<'a>(&self, points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
+        let mut kept: Vec<(usize, &[f64])> = Vec::new();
+        for (i, p) in points {
+            let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > APART * self.radius);
+            if kept.len() < count && kept.iter().all(|(_, q)| far(q)) {
+                kept.push((i, p));
+            }
+        }
+        kept.into_iter().map(|(i, _)| i).collect()
+    }
+}
+
 /// Searches from `starts` and from a low-discrepancy set; `reduced` is the same
 /// problem on a smaller picture. The trials come back in the order of their
 /// starts; at least one is polished.
@@ -68,14 +112,11 @@ pub fn search(
     whole: &Evaluator,
     reduced: &Evaluator,
     starts: &[(String, Vec<f64>)],
+    within: &Within,
     seed: u32,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Vec<Trial>, OptimError> {
-    let n = whole.variables.len();
-    let spread = (0..N_RANDOM).map(|i| {
-        let point = (0..n as u32).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect();
-        (format!("spread {i}"), point)
-    });
+    let spread = (0..within.n_points).map(|i| (format!("spread {i}"), within.point(i, seed)));
     let mut trials: Vec<Trial> = starts
         .iter()
         .cloned()
@@ -91,7 +132,7 @@ pub fn search(
 
     let mut order: Vec<usize> = (0..trials.len()).collect();
     order.sort_by(|&a, &b| trials[a].screened.total_cmp(&trials[b].screened));
-    let chosen = apart(order.iter().map(|&i| (i, trials[i].start.as_slice())), N_COARSE);
+    let chosen = within.apart(order.iter().map(|&i| (i, trials[i].start.as_slice())), within.n_coarse);
     let mut coarse: Vec<(usize, Vec<f64>, f64)> = chosen
         .into_par_iter()
         .map(|i| {
@@ -100,7 +141,7 @@ pub fn search(
         })
         .collect::<Result<_, OptimError>>()?;
     coarse.sort_by(|a, b| a.2.total_cmp(&b.2));
-    let chosen = apart(coarse.iter().enumerate().map(|(k, c)| (k, c.1.as_slice())), N_FINE);
+    let chosen = within.apart(coarse.iter().enumerate().map(|(k, c)| (k, c.1.as_slice())), within.n_fine);
     let polished: Vec<(usize, Polished)> = chosen
         .into_par_iter()
         .map(|k| {
@@ -151,18 +192,6 @@ pub fn refine(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
     polish(whole, u, &STAGES[1..], cancelled)
-}
-
-/// The first of the points in their order that lie apart, `count` at most.
-fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
-    let mut kept: Vec<(usize, &[f64])> = Vec::new();
-    for (i, p) in points {
-        let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > APART);
-        if kept.len() < count && kept.iter().all(|(_, q)| far(q)) {
-            kept.push((i, p));
-        }
-    }
-    kept.into_iter().map(|(i, _)| i).collect()
 }
 
 struct Descent {
