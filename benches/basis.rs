@@ -111,7 +111,8 @@ fn benchmark(c: &mut Criterion) {
         let scene = scene(n);
         let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 0 };
         let mut basis = TransportBasis::new(layout(n), 4);
-        println!("{n} lights: {} MiB", basis.layout().memory(4) >> 20);
+        let memory = basis.layout().table_memory(4) + basis.layout().film_memory();
+        println!("{n} lights: {} MiB", memory >> 20);
         group.bench_function(format!("render, 4 replicates of 1 sample, {n} lights"), |b| {
             b.iter(|| basis.render(source, 1, &()).expect("is sound"));
         });

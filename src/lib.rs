@@ -53,6 +53,8 @@
 //!   Algorithm*, Journal of Global Optimization 21, 2001.
 //! - \[Georgiev12\] I. Georgiev et al., *Light Transport Simulation with Vertex Connection
 //!   and Merging*, ACM TOG 31(6), 2012.
+//! - \[He15\] Z. He, X. Wang, *On the Convergence Rate of Randomized Quasi-Monte Carlo for
+//!   Discontinuous Functions*, SIAM J. Numer. Anal. 53(5), 2015.
 //! - \[Heitz18\] E. Heitz, *Sampling the GGX Distribution of Visible Normals*, JCGT 7(4),
 //!   2018.
 //! - \[Heitz19\] E. Heitz, *A Low-Distortion Map Between Triangle and Square*, HAL

@@ -10,9 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::{
-    Affine, BsdfSample,
-    conductor::reflection_pdf,
-    fresnel,
+    Affine, BsdfSample, Scattering, fresnel,
     microfacet::Ggx,
     plastic::{CoatPoint, lobe_probability},
     reflect, reflect_about,
@@ -56,16 +54,18 @@ impl Blend<'_> {
         self.ggx.is_some() || self.metallic < 1.0
     }
 
-    /// Probability of choosing the lobe about the mirror direction. It depends
-    /// on the angle to the normal alone, which a mirror keeps.
-    fn mirror_probability(&self, wo: Vec3) -> f32 {
-        let bare = 1.0 - self.specular;
-        let (coat, base) = self.coat.map_or((0.0, 1.0), |c| {
-            let t = c.transmittance(wo.z);
-            (self.specular * (1.0 - t), bare + self.specular * c.base_albedo(t))
-        });
-        let metal = fresnel::schlick(Rgb::splat(self.sampling_color), wo.z).at(1.0).x;
-        let mirror = (1.0 - self.metallic) * coat + self.metallic * metal;
+    /// Transmittance of the coat; 1 where there is none.
+    fn transmittance(&self, cos: f32) -> f32 {
+        self.coat.map_or(1.0, |c| c.transmittance(cos))
+    }
+
+    /// Probability of choosing the lobe about the mirror direction, where the coat's
+    /// transmittance is `t`. It depends on the angle to the normal alone, which a mirror keeps.
+    fn mirror_probability(&self, cos: f32, t: f32) -> f32 {
+        let coated = self.coat.map_or(0.0, |c| self.specular * c.base_albedo(t));
+        let metal = fresnel::schlick(Rgb::splat(self.sampling_color), cos).at(1.0).x;
+        let mirror = (1.0 - self.metallic) * self.specular * (1.0 - t) + self.metallic * metal;
+        let base = 1.0 - self.specular + coated;
         lobe_probability(mirror, (1.0 - self.metallic) * base * self.sampling_color)
     }
 
@@ -76,37 +76,40 @@ impl Blend<'_> {
             + fresnel::schlick(self.color, cos) * self.metallic
     }
 
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
+    pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3) -> Scattering {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Affine::ZERO;
+            return Scattering::ZERO;
         }
-        let coated = self.coat.map_or(0.0, |c| self.specular * c.base(wo, wi));
+        let [t_o, t_i] = [wo, wi].map(|w| self.transmittance(w.z));
+        let coated = self.coat.map_or(0.0, |c| self.specular * c.base(t_o, t_i));
         let base = (1.0 - self.specular) * FRAC_1_PI + coated;
-        let f = Affine::body(self.color * ((1.0 - self.metallic) * base));
-        let Some(ggx) = self.ggx else { return f };
-        let wm = (wo + wi).normalize();
-        // [Walter07] eq. 20
-        f + self.facets(wo.dot(wm)) * (ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z))
-    }
-
-    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
-        if wo.z <= 0.0 || wi.z <= 0.0 {
-            return SolidAnglePdf(0.0);
+        let mut value = Affine::body(self.color * ((1.0 - self.metallic) * base));
+        let mut facets = (0.0, 0.0);
+        if let Some(ggx) = self.ggx {
+            let r = ggx.reflection(wo, wi);
+            value = value + self.facets(r.cos) * r.brdf;
+            facets = (r.pdf, r.pdf_rev);
         }
-        let p = self.mirror_probability(wo);
-        let mirror = self.ggx.map_or(0.0, |g| reflection_pdf(g, wo, wi).0);
-        SolidAnglePdf(p * mirror + (1.0 - p) * warp::cosine_hemisphere_pdf(wi.z).0)
+        let density = |from: f32, t, facets, to| {
+            let p = self.mirror_probability(from, t);
+            SolidAnglePdf(p * facets + (1.0 - p) * warp::cosine_hemisphere_pdf(to).0)
+        };
+        Scattering {
+            value,
+            pdf: density(wo.z, t_o, facets.0, wi.z),
+            pdf_rev: density(wi.z, t_i, facets.1, wo.z),
+        }
     }
 
     pub(super) fn sample(&self, wo: Vec3, uc: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z <= 0.0 {
             return None;
         }
-        let p = self.mirror_probability(wo);
+        let p = self.mirror_probability(wo.z, self.transmittance(wo.z));
         let wi = match (uc < p, self.ggx) {
             (true, None) => {
                 let f = self.facets(wo.z) * (1.0 / wo.z);
-                return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(p), delta: true });
+                return Some(BsdfSample::delta(reflect(wo), f, p));
             }
             (true, Some(ggx)) => reflect_about(wo, ggx.sample_wm(wo, u)),
             (false, _) => warp::square_to_cosine_hemisphere(u),
@@ -114,6 +117,6 @@ impl Blend<'_> {
         if wi.z <= 0.0 {
             return None;
         }
-        Some(BsdfSample { f: self.f(wo, wi), wi, pdf: self.pdf(wo, wi), delta: false })
+        Some(BsdfSample::of(wi, self.evaluate(wo, wi)))
     }
 }

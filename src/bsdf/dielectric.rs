@@ -7,7 +7,9 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Affine, BsdfSample, TransportMode, fresnel, microfacet::Ggx, reflect, reflect_about};
+use super::{
+    Affine, BsdfSample, Scattering, TransportMode, fresnel, microfacet::Ggx, reflect, reflect_about,
+};
 use crate::math::{Rgb, SolidAnglePdf};
 
 /// A clear dielectric interface.
@@ -57,7 +59,11 @@ fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<(Vec3, f32)> {
 }
 
 impl Dielectric {
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
+    pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Scattering {
+        Scattering { value: self.f(wo, wi, mode), pdf: self.pdf(wo, wi), pdf_rev: self.pdf(wi, wo) }
+    }
+
+    fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
         let Some(ggx) = self.ggx else { return Affine::ZERO };
         let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else { return Affine::ZERO };
         let (r, _) = fresnel::dielectric(wo.dot(wm), self.eta);
@@ -71,7 +77,7 @@ impl Dielectric {
         }))
     }
 
-    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
+    fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
         let Some(ggx) = self.ggx else { return SolidAnglePdf(0.0) };
         let Some((wm, eta_p, is_reflection)) = half_vector(wo, wi, self.eta) else {
             return SolidAnglePdf(0.0);
@@ -98,24 +104,18 @@ impl Dielectric {
         if same_side != (uc < r) {
             return None;
         }
-        let pdf = self.pdf(wo, wi);
-        (pdf.0 > 0.0).then(|| BsdfSample { f: self.f(wo, wi, mode), wi, pdf, delta: false })
+        Some(BsdfSample::of(wi, self.evaluate(wo, wi, mode))).filter(|s| s.pdf.0 > 0.0)
     }
 
     fn sample_smooth(&self, wo: Vec3, uc: f32, mode: TransportMode) -> Option<BsdfSample> {
         let (r, _) = fresnel::dielectric(wo.z, self.eta);
         if uc < r {
             let f = Affine::coat(Rgb::splat(r / wo.z.abs()));
-            return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(r), delta: true });
+            return Some(BsdfSample::delta(reflect(wo), f, r));
         }
         let (wi, eta_p) = refract(wo, Vec3::Z, self.eta)?;
         let t = scale_radiance(1.0 - r, eta_p, mode);
-        Some(BsdfSample {
-            f: Affine::coat(Rgb::splat(t / wi.z.abs())),
-            wi,
-            pdf: SolidAnglePdf(1.0 - r),
-            delta: true,
-        })
+        Some(BsdfSample::delta(wi, Affine::coat(Rgb::splat(t / wi.z.abs())), 1.0 - r))
     }
 }
 

@@ -4,8 +4,8 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Affine, BsdfSample};
-use crate::math::{Rgb, SolidAnglePdf, warp};
+use super::{Affine, BsdfSample, Scattering};
+use crate::math::{Rgb, warp};
 
 /// Ideal diffuse reflection of the upper side.
 #[derive(Clone, Copy, Debug)]
@@ -15,15 +15,15 @@ pub struct Diffuse {
 }
 
 impl Diffuse {
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
+    pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3) -> Scattering {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Affine::ZERO;
+            return Scattering::ZERO;
         }
-        Affine::body(self.albedo * FRAC_1_PI)
-    }
-
-    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
-        if wo.z <= 0.0 { SolidAnglePdf(0.0) } else { warp::cosine_hemisphere_pdf(wi.z) }
+        Scattering {
+            value: Affine::body(self.albedo * FRAC_1_PI),
+            pdf: warp::cosine_hemisphere_pdf(wi.z),
+            pdf_rev: warp::cosine_hemisphere_pdf(wo.z),
+        }
     }
 
     pub(super) fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
@@ -31,6 +31,6 @@ impl Diffuse {
         if wo.z <= 0.0 || wi.z <= 0.0 {
             return None;
         }
-        Some(BsdfSample { f: self.f(wo, wi), wi, pdf: self.pdf(wo, wi), delta: false })
+        Some(BsdfSample::of(wi, self.evaluate(wo, wi)))
     }
 }

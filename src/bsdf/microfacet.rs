@@ -20,6 +20,19 @@ pub struct Ggx {
     alpha: f32,
 }
 
+/// A pair of directions and the facets that reflect one into the other.
+#[derive(Clone, Copy, Debug)]
+pub struct Reflection {
+    /// Cosine between either of them and the facets' normal.
+    pub cos: f32,
+    /// Value at reflectance 1, sr⁻¹.
+    pub brdf: f32,
+    /// Density of reflecting `wo` into `wi` at a facet visible from `wo`, sr⁻¹.
+    pub pdf: f32,
+    /// The same with the roles exchanged.
+    pub pdf_rev: f32,
+}
+
 impl Ggx {
     /// Below this slope the lobe is sharper than f32 can evaluate: materials
     /// treat the surface as smooth.
@@ -61,6 +74,16 @@ impl Ggx {
     pub fn pdf_wm(&self, w: Vec3, wm: Vec3) -> SolidAnglePdf {
         // [Heitz18] eq. 3
         SolidAnglePdf(self.g1(w, wm) * self.d(wm) * w.dot(wm).abs() / w.z.abs())
+    }
+
+    /// Reflection of a pair of directions above the surface at facets that reflect all.
+    #[must_use]
+    pub fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
+        let wm = (wo + wi).normalize();
+        let (d, g_o, g_i) = (self.d(wm), self.g1(wo, wm), self.g1(wi, wm));
+        // [Walter07] eq. 14 (dω_m = dω_i / (4 |wo·wm|)) on [Heitz18] eq. 3, and eq. 20
+        let (pdf, pdf_rev) = (g_o * d / (4.0 * wo.z), g_i * d / (4.0 * wi.z));
+        Reflection { cos: wo.dot(wm), brdf: pdf * g_i / wi.z, pdf, pdf_rev }
     }
 
     /// Samples a facet normal visible from `w` (`w.z` of either sign).

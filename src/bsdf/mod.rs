@@ -40,6 +40,22 @@ pub enum TransportMode {
     Importance,
 }
 
+/// What a surface does with a pair of directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scattering {
+    /// BSDF value, sr⁻¹; at a surface times cosine ([`adjoint_cosine`]). Delta lobes are zero.
+    pub value: Affine,
+    /// Density with which `wi` is drawn given `wo`, delta lobes excluded.
+    pub pdf: SolidAnglePdf,
+    /// Density with which `wo` is drawn given `wi`.
+    pub pdf_rev: SolidAnglePdf,
+}
+
+impl Scattering {
+    /// None at all.
+    pub const ZERO: Self = Self { value: Affine::ZERO, pdf: SolidAnglePdf(0.0), pdf_rev: SolidAnglePdf(0.0) };
+}
+
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfSample {
@@ -49,8 +65,22 @@ pub struct BsdfSample {
     pub wi: Vec3,
     /// Density of `wi`; for a delta lobe the probability of choosing it.
     pub pdf: SolidAnglePdf,
+    /// Density of the reverse choice. A delta lobe is chosen with the same probability from
+    /// both ends: Fresnel's reflectance is reciprocal and a mirror keeps the angle.
+    pub pdf_rev: SolidAnglePdf,
     /// Whether the direction came from a delta lobe.
     pub delta: bool,
+}
+
+impl BsdfSample {
+    fn of(wi: Vec3, s: Scattering) -> Self {
+        Self { f: s.value, wi, pdf: s.pdf, pdf_rev: s.pdf_rev, delta: false }
+    }
+
+    fn delta(wi: Vec3, f: Affine, probability: f32) -> Self {
+        let pdf = SolidAnglePdf(probability);
+        Self { f, wi, pdf, pdf_rev: pdf, delta: true }
+    }
 }
 
 /// The closed set of scattering models.
@@ -69,30 +99,29 @@ pub enum Bsdf<'a> {
 }
 
 impl Bsdf<'_> {
+    /// Value and densities for a pair of directions.
+    #[must_use]
+    pub fn evaluate(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Scattering {
+        let (up_o, up_i, _) = face_up(wo, wi);
+        match self {
+            Self::Diffuse(b) => b.evaluate(up_o, up_i),
+            Self::Conductor(b) => b.evaluate(up_o, up_i),
+            Self::Plastic(b) => b.evaluate(up_o, up_i),
+            Self::Blend(b) => b.evaluate(up_o, up_i),
+            Self::Dielectric(b) => b.evaluate(wo, wi, mode),
+        }
+    }
+
     /// Value for a pair of directions, sr⁻¹; delta lobes are zero.
     #[must_use]
     pub fn f(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
-        let (up_o, up_i, _) = face_up(wo, wi);
-        match self {
-            Self::Diffuse(b) => b.f(up_o, up_i),
-            Self::Conductor(b) => b.f(up_o, up_i),
-            Self::Plastic(b) => b.f(up_o, up_i),
-            Self::Blend(b) => b.f(up_o, up_i),
-            Self::Dielectric(b) => b.f(wo, wi, mode),
-        }
+        self.evaluate(wo, wi, mode).value
     }
 
     /// Density with which [`Self::sample`] draws `wi` given `wo`, delta lobes excluded.
     #[must_use]
     pub fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
-        let (up_o, up_i, _) = face_up(wo, wi);
-        match self {
-            Self::Diffuse(b) => b.pdf(up_o, up_i),
-            Self::Conductor(b) => b.pdf(up_o, up_i),
-            Self::Plastic(b) => b.pdf(up_o, up_i),
-            Self::Blend(b) => b.pdf(up_o, up_i),
-            Self::Dielectric(b) => b.pdf(wo, wi),
-        }
+        self.evaluate(wo, wi, TransportMode::Radiance).pdf
     }
 
     /// Samples `wi` given `wo`; `uc` chooses the lobe, `u` the direction.

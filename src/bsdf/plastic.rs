@@ -10,11 +10,8 @@ use std::f32::consts::{FRAC_1_PI, PI};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{
-    Affine, BsdfSample, conductor::reflection_pdf, diffuse::Diffuse, fresnel, microfacet::Ggx, reflect,
-    reflect_about,
-};
-use crate::math::{Rgb, SolidAnglePdf, luminance};
+use super::{Affine, BsdfSample, Scattering, fresnel, microfacet::Ggx, reflect, reflect_about};
+use crate::math::{Rgb, SolidAnglePdf, luminance, warp};
 
 /// Nodes of the transmittance table in cos θ.
 const N_NODES: usize = 64;
@@ -136,9 +133,9 @@ impl CoatPoint<'_> {
         fresnel::dielectric(cos, self.coat.eta).0
     }
 
-    /// Value of a white base below the coat, sr⁻¹.
-    pub(super) fn base(&self, wo: Vec3, wi: Vec3) -> f32 {
-        self.transmittance(wo.z) * self.transmittance(wi.z) * self.base_scale
+    /// Value of a white base below the coat, sr⁻¹, by the transmittances on both ways.
+    pub(super) fn base(&self, t_o: f32, t_i: f32) -> f32 {
+        t_o * t_i * self.base_scale
     }
 
     /// What leaves a base of albedo 1 towards `cos`, roughly: for choosing lobes.
@@ -254,52 +251,47 @@ impl<'a> Plastic<'a> {
         Self { albedo, sampling_albedo: luminance(albedo), coat: coat.constant() }
     }
 
-    /// Probability of choosing the coat's lobe.
-    fn coat_probability(&self, wo: Vec3) -> f32 {
-        let t = self.coat.transmittance(wo.z);
+    /// Probability of choosing the coat's lobe, where its transmittance is `t`.
+    fn coat_probability(&self, t: f32) -> f32 {
         lobe_probability(1.0 - t, self.coat.base_albedo(t) * self.sampling_albedo)
     }
 
-    pub(super) fn f(&self, wo: Vec3, wi: Vec3) -> Affine {
+    pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3) -> Scattering {
         if wo.z <= 0.0 || wi.z <= 0.0 {
-            return Affine::ZERO;
+            return Scattering::ZERO;
         }
-        let body = self.albedo * self.coat.base(wo, wi);
-        let Some(ggx) = self.coat.ggx else { return Affine::body(body) };
-        let wm = (wo + wi).normalize();
-        // [Walter07] eq. 20
-        let coat =
-            self.coat.fresnel(wo.dot(wm)) * ggx.d(wm) * ggx.g1(wo, wm) * ggx.g1(wi, wm) / (4.0 * wo.z * wi.z);
-        Affine { coat: Rgb::splat(coat), body }
-    }
-
-    pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
-        if wo.z <= 0.0 || wi.z <= 0.0 {
-            return SolidAnglePdf(0.0);
+        let [t_o, t_i] = [wo, wi].map(|w| self.coat.transmittance(w.z));
+        let mut value = Affine::body(self.albedo * self.coat.base(t_o, t_i));
+        let mut facets = (0.0, 0.0);
+        if let Some(ggx) = self.coat.ggx {
+            let r = ggx.reflection(wo, wi);
+            value.coat = Rgb::splat(self.coat.fresnel(r.cos) * r.brdf);
+            facets = (r.pdf, r.pdf_rev);
         }
-        let p = self.coat_probability(wo);
-        let base = Diffuse { albedo: self.albedo }.pdf(wo, wi).0;
-        let coat = self.coat.ggx.map_or(0.0, |g| reflection_pdf(g, wo, wi).0);
-        SolidAnglePdf(p * coat + (1.0 - p) * base)
+        let density = |t, facets, cos| {
+            let p = self.coat_probability(t);
+            SolidAnglePdf(p * facets + (1.0 - p) * warp::cosine_hemisphere_pdf(cos).0)
+        };
+        Scattering { value, pdf: density(t_o, facets.0, wi.z), pdf_rev: density(t_i, facets.1, wo.z) }
     }
 
     pub(super) fn sample(&self, wo: Vec3, uc: f32, u: Vec2) -> Option<BsdfSample> {
         if wo.z <= 0.0 {
             return None;
         }
-        let p = self.coat_probability(wo);
+        let p = self.coat_probability(self.coat.transmittance(wo.z));
         let wi = match (uc < p, self.coat.ggx) {
             (true, None) => {
                 let f = Affine::coat(Rgb::splat(self.coat.fresnel(wo.z) / wo.z));
-                return Some(BsdfSample { f, wi: reflect(wo), pdf: SolidAnglePdf(p), delta: true });
+                return Some(BsdfSample::delta(reflect(wo), f, p));
             }
             (true, Some(ggx)) => reflect_about(wo, ggx.sample_wm(wo, u)),
-            (false, _) => crate::math::warp::square_to_cosine_hemisphere(u),
+            (false, _) => warp::square_to_cosine_hemisphere(u),
         };
         if wi.z <= 0.0 {
             return None;
         }
-        Some(BsdfSample { f: self.f(wo, wi), wi, pdf: self.pdf(wo, wi), delta: false })
+        Some(BsdfSample::of(wi, self.evaluate(wo, wi)))
     }
 }
 

@@ -84,9 +84,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of a working picture; of the transport basis, the first [default: 32; fd: 16]
-    #[arg(long, value_name = "N", value_parser = parse_spp)]
-    pub spp: Option<u32>,
+    /// Samples per pixel of a working picture; of the transport basis, the first
+    #[arg(long, value_name = "N", default_value = "16", value_parser = parse_spp)]
+    pub spp: u32,
 
     /// Samples per pixel of the final picture
     #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
@@ -174,9 +174,6 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
 }
 
-/// Samples per pixel by default.
-const BASIS_SPP: u32 = 32;
-const FD_SPP: u32 = 16;
 /// Width of the working pictures by default.
 const WORK_WIDTH: u32 = 128;
 
@@ -220,10 +217,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             luminance,
             size,
             work_size,
-            spp: args.spp.unwrap_or(match args.gradient {
-                Gradient::Basis => BASIS_SPP,
-                Gradient::Fd => FD_SPP,
-            }),
+            spp: args.spp,
             final_spp: args.final_spp,
             free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
             seed: args.transport.seed,

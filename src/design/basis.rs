@@ -15,7 +15,7 @@ use super::{
     Problem, Purpose, Reporter, RunError, Shot,
     attainable::{self, Reach},
     attribute,
-    engine::Engine,
+    engine::{Engine, FOCUS_REPLICATES},
     evaluator::{Evaluator, Scratch},
     search::{self, Polished, Trial},
     seed_for,
@@ -32,8 +32,8 @@ use crate::{
 
 /// Times the basis is rendered anew around what was found.
 const MAX_REFOCUS: u32 = 4;
-/// Samples of a basis around what was found, times those of the first basis.
-const FOCUS_FACTOR: f64 = 1.0;
+/// First samples of each replicate of a basis around what was found; more are added as needed.
+const FOCUS_SAMPLES: u32 = 2;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
 /// Samples per pixel after which no more are added, of all replicates.
@@ -58,9 +58,12 @@ fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
     e.half_width <= tolerance && e.correction.abs() <= 2.0 * tolerance
 }
 
-/// Factor on the samples that would make it so.
+/// Factor on the samples that would make it so. The variance of scrambled nets falls as the
+/// power −3/2 of their number where the integrand has edges \[He15\], and with it the
+/// correction of f_q.
 fn lacking(e: &JackknifeEstimate, tolerance: f64) -> f64 {
-    (e.half_width / tolerance).powi(2).max(e.correction.abs() / (2.0 * tolerance))
+    let (error, bias) = (e.half_width / tolerance, e.correction.abs() / (2.0 * tolerance));
+    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0)).clamp(1.2, 4.0)
 }
 
 /// Finds the lights: searches, adds samples, checks, refocuses.
@@ -108,7 +111,6 @@ pub fn optimise(
     ));
 
     let tolerance = problem.options.tolerance;
-    let first_samples = f64::from(problem.options.spp);
     let mut own: Option<Engine> = None;
     let (mut round, mut additions) = (0, 0);
     let check = loop {
@@ -119,7 +121,7 @@ pub fn optimise(
         let exact = is_exact(&best.estimate, tolerance);
         if exact || !(may_refocus || may_add) {
             let clock = Instant::now();
-            let measured = check_at(&best, problem, round, renders, reporter)?;
+            let measured = check_at(&best, now.samples(), problem, round, renders, reporter)?;
             log_time(dir, "check", clock)?;
             let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
             let allowed = best.estimate.error_bar() + measured.error_bar();
@@ -141,9 +143,10 @@ pub fn optimise(
         let refocus = may_refocus && (exact || !may_add || !(is_kept || now.is_around(&lighting)));
         if refocus {
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
-            let samples =
-                if now.is_focused() { now.samples() } else { (FOCUS_FACTOR * first_samples).ceil() as u32 };
+            let least = FOCUS_SAMPLES * FOCUS_REPLICATES as u32;
+            let samples = if now.is_focused() { now.samples() } else { least };
             round += 1;
+            own = None;
             match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
                 Err(RunError::Render(RenderError::Cancelled)) => continue,
                 other => other?,
@@ -151,7 +154,7 @@ pub fn optimise(
             own = Some(fresh);
         } else {
             additions += 1;
-            let wanted = f64::from(now.samples()) * lacking(&best.estimate, tolerance).clamp(1.2, 4.0);
+            let wanted = f64::from(now.samples()) * lacking(&best.estimate, tolerance);
             let more = (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(now.samples());
             let engine = own.as_mut().unwrap_or(engine);
             engine.add(more, problem.scene, problem.camera, problem.options, reporter)?;
@@ -232,9 +235,11 @@ fn refine(
     Ok(Polished { evaluations, ..refined })
 }
 
-/// Renders what was found with samples that chose nothing, as many as its error needs.
+/// Renders what was found with samples that chose nothing: as many as found it, and more if
+/// its error needs them.
 fn check_at(
     best: &Polished,
+    mut spp: u32,
     problem: &mut Problem,
     round: u32,
     renders: &mut u64,
@@ -248,11 +253,10 @@ fn check_at(
         scene.set_background_value(value as f32, value as f32);
     }
     let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
-    let replicates = super::CHECK_REPLICATES;
+    let replicates = FOCUS_REPLICATES as u32;
     let observer = super::Unstoppable(reporter);
     let rows = u64::from(options.work_size.y * replicates);
     let mut shot: Option<Shot> = None;
-    let mut spp = options.spp.max(replicates);
     loop {
         reporter.stage("checking the result with new samples", Some(rows));
         let first = shot.as_ref().map_or(0, Shot::samples);
@@ -267,7 +271,7 @@ fn check_at(
         if is_exact(&measured, options.tolerance) || now >= MAX_SAMPLES || reporter.cancelled() {
             return Ok(measured);
         }
-        let wanted = f64::from(now) * lacking(&measured, options.tolerance).clamp(1.2, 4.0);
+        let wanted = f64::from(now) * lacking(&measured, options.tolerance);
         spp = (wanted.ceil() as u32).min(MAX_SAMPLES) - now;
         shot = Some(all);
     }

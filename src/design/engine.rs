@@ -25,9 +25,9 @@ const MIN_KNOTS: usize = 8;
 /// Knots of a basis around what was found, half of them close to it, and its replicates:
 /// fewer of the ones leave room for more of the others, which tell the error better.
 const FOCUS_KNOTS: usize = 16;
-const FOCUS_REPLICATES: usize = 8;
+pub const FOCUS_REPLICATES: usize = 6;
 /// They lie within this share of the size found.
-const FOCUS: f64 = 0.2;
+const FOCUS: f64 = 0.35;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
 const FAINT_LIGHT: f32 = 0.05;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
@@ -90,7 +90,12 @@ impl Plan {
                 value: f64::from(scene.background_value()),
             },
         };
-        let need = |plan: &Self| plan.layout(scene, options, None).memory(REPLICATES);
+        // A basis around what is found lies beside the first; one of them is rendered at a time.
+        let need = |plan: &Self| {
+            let (first, focused) = (plan.layout(scene, options, None), plan.focused_layout(scene, options));
+            let tables = first.table_memory(REPLICATES) + focused.table_memory(FOCUS_REPLICATES);
+            tables + first.film_memory().max(focused.film_memory())
+        };
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
             plan.knots -= 4;
         }
@@ -111,6 +116,11 @@ impl Plan {
             bytes >> 20,
         ));
         Ok(plan)
+    }
+
+    /// The layout of a basis around some lights.
+    fn focused_layout(&self, scene: &Scene, options: &RunOptions) -> Layout {
+        self.layout(scene, options, Some(&Focus { lighting: self.fixed.clone(), weights: Vec::new() }))
     }
 
     /// The layout, with knots around the sizes of `focus` if given.

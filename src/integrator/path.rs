@@ -96,19 +96,19 @@ fn next_event<const N: usize>(
         let Some(l) = light.sample_li(si.p, u) else { continue };
         let density = l.pdf.0 * expected;
         let f = si.scatter(wo, l.wi, TransportMode::Radiance);
-        if f.is_zero() || l.radiance == Rgb::ZERO {
+        if f.value.is_zero() || l.radiance == Rgb::ZERO {
             continue;
         }
         let passed = scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
         if passed == 0.0 {
             continue;
         }
-        let hit_pdf = if light.is_delta() { 0.0 } else { si.pdf(wo, l.wi).0 };
+        let hit_pdf = if light.is_delta() { 0.0 } else { f.pdf.0 };
         let mis_weight = weight(integrator.heuristic, density, hit_pdf);
         recorder.add(&Contribution {
             light: id,
             at: l.at,
-            value: nodes.scatter(beta, f, si).times(l.radiance * (passed * mis_weight / density)),
+            value: nodes.scatter(beta, f.value, si).times(l.radiance * (passed * mis_weight / density)),
             strategy: Strategy::new(1, n_edges + 1),
             mis_weight,
         });

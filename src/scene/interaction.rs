@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::{
-    bsdf::{Affine, Bsdf, TransportMode, adjoint_cosine},
+    bsdf::{Affine, Bsdf, Scattering, TransportMode, adjoint_cosine},
     math::{Frame, SolidAnglePdf},
 };
 
@@ -52,26 +52,15 @@ impl SurfaceInteraction<'_> {
         self.untilted.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
     }
 
-    /// BSDF times cosine about `wi`, adjoint correction included; world directions.
+    /// BSDF times cosine about `wi`, adjoint correction included, and the densities with which
+    /// [`Self::sample`] draws either direction given the other; world directions.
     #[must_use]
-    pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Affine {
+    pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Scattering {
         if !(self.is_consistent(wo) && self.is_consistent(wi)) {
-            return Affine::ZERO;
+            return Scattering::ZERO;
         }
-        let f = self.bsdf.f(self.frame.to_local(wo), self.frame.to_local(wi), mode);
-        if f.is_zero() {
-            return f;
-        }
-        f * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode)
-    }
-
-    /// Density with which [`Self::sample`] draws `wi` given `wo`.
-    #[must_use]
-    pub fn pdf(&self, wo: Vec3, wi: Vec3) -> SolidAnglePdf {
-        if !(self.is_consistent(wo) && self.is_consistent(wi)) {
-            return SolidAnglePdf(0.0);
-        }
-        self.bsdf.pdf(self.frame.to_local(wo), self.frame.to_local(wi))
+        let s = self.bsdf.evaluate(self.frame.to_local(wo), self.frame.to_local(wi), mode);
+        Scattering { value: s.value * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode), ..s }
     }
 
     /// Samples a direction; `uc` chooses the lobe, `u` the direction.
@@ -80,8 +69,7 @@ impl SurfaceInteraction<'_> {
         if !self.is_consistent(wo) {
             return None;
         }
-        let wo_local = self.frame.to_local(wo);
-        let s = self.bsdf.sample(wo_local, uc, u, mode)?;
+        let s = self.bsdf.sample(self.frame.to_local(wo), uc, u, mode)?;
         if s.pdf.0 <= 0.0 {
             return None;
         }
@@ -90,10 +78,7 @@ impl SurfaceInteraction<'_> {
             return None;
         }
         let weight = s.f * (adjoint_cosine(wo, wi, self.frame.n, self.ng, mode) / s.pdf.0);
-        // A delta lobe is chosen with the same probability from both ends:
-        // Fresnel's reflectance is reciprocal and a mirror keeps the angle.
-        let pdf_rev = if s.delta { s.pdf } else { self.bsdf.pdf(s.wi, wo_local) };
-        Some(ScatterSample { wi, weight, pdf: s.pdf, pdf_rev, delta: s.delta })
+        Some(ScatterSample { wi, weight, pdf: s.pdf, pdf_rev: s.pdf_rev, delta: s.delta })
     }
 
     /// Origin of a ray that leaves toward `w`, clear of the surface.

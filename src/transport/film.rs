@@ -8,10 +8,11 @@ use rayon::prelude::*;
 use super::{Layout, zeros};
 use crate::{
     film::{Contribution, Film, Recorder, Region, RowRecorder},
-    math::NodeRgb,
+    math::{self, NodeRgb},
 };
 
-/// Sums of the contributions of one render of one replicate.
+/// Sums of the contributions of the replicates of a basis: of luminance for one replicate
+/// at a time, of colour for all of them.
 ///
 /// A pixel's own contributions are added in sample order. Those of light
 /// subpaths are kept in the order of the rows that made them and added after the
@@ -19,8 +20,10 @@ use crate::{
 #[derive(Debug)]
 pub struct BasisFilm<'a, const N: usize> {
     layout: &'a Layout,
-    /// [pixel][cell][node][rgb]
-    sums: Vec<f32>,
+    /// [pixel][cell][node], of the present replicate.
+    luminance: Vec<f32>,
+    /// [pixel][cell][node][rgb], of all replicates.
+    rgb: Vec<f32>,
     /// By the row that made them.
     splats: Vec<Vec<Splat<N>>>,
     non_finite: AtomicU64,
@@ -44,11 +47,55 @@ struct Deposit {
 #[derive(Debug)]
 pub struct BasisRow<'a, const N: usize> {
     layout: &'a Layout,
-    sums: &'a mut [f32],
+    sums: Sums<'a>,
     splats: &'a mut Vec<Splat<N>>,
     non_finite: &'a AtomicU64,
     pixel: usize,
 }
+
+/// Sums of a row of pixels.
+#[derive(Debug)]
+struct Sums<'a> {
+    n_cells: usize,
+    n_nodes: usize,
+    luminance: &'a mut [f32],
+    rgb: &'a mut [f32],
+}
+
+impl Sums<'_> {
+    fn add<const N: usize>(&mut self, pixel: usize, deposit: Deposit, value: &NodeRgb<N>) {
+        let first = (pixel * self.n_cells + deposit.cell as usize) * self.n_nodes;
+        let luminance = value.0.map(math::luminance);
+        let rgb = value.0.map(|c| c.to_array());
+        let mut into = |first: usize, share: f32| {
+            let add = |sums: &mut [f32], values: &[f32]| {
+                sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += share * v);
+            };
+            add(&mut self.luminance[first..][..self.n_nodes], &luminance);
+            add(&mut self.rgb[3 * first..][..3 * self.n_nodes], rgb.as_flattened());
+        };
+        into(first, 1.0 - deposit.next);
+        if deposit.next > 0.0 {
+            into(first + self.n_nodes, deposit.next);
+        }
+    }
+}
+
+/// The sums of a film, row by row.
+fn rows_of_sums<'a>(
+    layout: &Layout,
+    luminance: &'a mut [f32],
+    rgb: &'a mut [f32],
+) -> impl Iterator<Item = Sums<'a>> + use<'a> {
+    let (n_cells, n_nodes) = (layout.n_cells(), layout.nodes.len());
+    let width = layout.size.x as usize * n_cells * n_nodes;
+    let rows = luminance.chunks_mut(width).zip(rgb.chunks_mut(3 * width));
+    rows.map(move |(luminance, rgb)| Sums { n_cells, n_nodes, luminance, rgb })
+}
+
+/// Pixels whose sums are spread over the tables' rows at a time: a cell of all of
+/// them stays in the first cache level.
+const TILE: usize = 128;
 
 impl<'a, const N: usize> BasisFilm<'a, N> {
     /// An empty film.
@@ -58,90 +105,76 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
     #[must_use]
     pub fn new(layout: &'a Layout) -> Self {
         assert!(layout.nodes.len() <= N, "the film carries fewer value nodes than the layout has");
+        let n = layout.n_pixels() * layout.n_rows();
         Self {
             layout,
-            sums: zeros(layout.n_pixels() * layout.n_cells() * layout.nodes.len() * 3),
+            luminance: zeros(n),
+            rgb: zeros(3 * n),
             splats: vec![Vec::new(); layout.size.y as usize],
             non_finite: AtomicU64::new(0),
         }
     }
 
-    /// Adds what was rendered to a replicate's table of luminance and to the
-    /// table of colour, as prefix sums over each light's knots, and empties the film.
-    pub fn commit(&mut self, luminance: &mut [f32], rgb: &mut [f32]) {
-        let layout = self.layout;
-        let (n_nodes, n_cells) = (layout.nodes.len(), layout.n_cells());
-        let width = layout.size.x as usize;
-        let per_pixel = n_cells * n_nodes * 3;
-        for splats in &mut self.splats {
-            splats.sort_by_key(|s| s.pixel);
-        }
-        let splats = &self.splats;
-        self.sums.par_chunks_mut(width * per_pixel).enumerate().for_each(|(y, row)| {
-            let (begin, end) = ((y * width) as u32, ((y + 1) * width) as u32);
-            for of_row in splats {
+    /// Adds what light subpaths left, and empties their lists.
+    fn add_splats(&mut self) {
+        let Self { layout, luminance, rgb, splats, .. } = self;
+        let width = layout.size.x;
+        splats.par_iter_mut().for_each(|of_row| of_row.sort_by_key(|s| s.pixel));
+        let rows: Vec<Sums> = rows_of_sums(layout, luminance, rgb).collect();
+        rows.into_par_iter().enumerate().for_each(|(y, mut row)| {
+            let (begin, end) = (y as u32 * width, (y as u32 + 1) * width);
+            for of_row in &*splats {
                 let from = of_row.partition_point(|s| s.pixel < begin);
                 for s in of_row[from..].iter().take_while(|s| s.pixel < end) {
-                    let pixel = (s.pixel - begin) as usize;
-                    add(&mut row[pixel * per_pixel..][..per_pixel], n_nodes, s.deposit, &s.value);
-                }
-            }
-            // Prefix sums over the knots.
-            for pixel in row.chunks_exact_mut(per_pixel) {
-                for cells in &layout.lights {
-                    let cells = cells.first_cell..cells.first_cell + cells.n_cells();
-                    let light = &mut pixel[cells.start * n_nodes * 3..cells.end * n_nodes * 3];
-                    for i in n_nodes * 3..light.len() {
-                        light[i] += light[i - n_nodes * 3];
-                    }
+                    row.add((s.pixel - begin) as usize, s.deposit, &s.value);
                 }
             }
         });
-        let n_pixels = layout.n_pixels();
-        let sums = &self.sums;
-        let cells = luminance.par_chunks_mut(n_nodes * n_pixels);
-        cells.zip(rgb.par_chunks_mut(n_nodes * 3 * n_pixels)).enumerate().for_each(|(cell, (y, rgb))| {
-            for first in (0..n_pixels).step_by(TILE) {
-                let tile = first..(first + TILE).min(n_pixels);
-                for k in 0..n_nodes {
-                    let at = |p: usize| &sums[p * per_pixel + (cell * n_nodes + k) * 3..][..3];
-                    let y = &mut y[k * n_pixels..][tile.clone()];
-                    for (y, p) in y.iter_mut().zip(tile.clone()) {
-                        let c = at(p);
-                        *y += 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
-                    }
-                    for i in 0..3 {
-                        let channel = &mut rgb[(k * 3 + i) * n_pixels..][tile.clone()];
-                        for (v, p) in channel.iter_mut().zip(tile.clone()) {
-                            *v += at(p)[i];
-                        }
-                    }
-                }
-            }
-        });
-        self.sums.par_chunks_mut(1 << 16).for_each(|s| s.fill(0.0));
-        self.splats.iter_mut().for_each(Vec::clear);
+        splats.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Ends a replicate: adds its luminance to its table, as prefix sums over each
+    /// light's knots.
+    pub fn commit_luminance(&mut self, table: &mut [f32]) {
+        self.add_splats();
+        spread(self.layout, 1, &mut self.luminance, table);
+        self.luminance.par_chunks_mut(1 << 16).for_each(|s| s.fill(0.0));
+    }
+
+    /// Adds the colour of all replicates to its table, as prefix sums over each light's
+    /// knots.
+    pub fn commit_rgb(mut self, table: &mut [f32]) {
+        spread(self.layout, 3, &mut self.rgb, table);
     }
 }
 
-/// Pixels whose sums are spread over the tables' rows at a time: a cell of all of
-/// them stays in the first cache level.
-const TILE: usize = 128;
-
-fn add<const N: usize>(pixel: &mut [f32], n_nodes: usize, deposit: Deposit, value: &NodeRgb<N>) {
-    let stride = 3 * n_nodes;
-    let first = deposit.cell as usize * stride;
-    let mut into = |first: usize, share: f32| {
-        for (cell, c) in pixel[first..first + stride].chunks_exact_mut(3).zip(&value.0) {
-            cell[0] += share * c.x;
-            cell[1] += share * c.y;
-            cell[2] += share * c.z;
+/// Adds sums `[pixel][cell][node][channel]` to a table `[cell][node][channel][pixel]`,
+/// as prefix sums over each light's knots.
+fn spread(layout: &Layout, n_channels: usize, sums: &mut [f32], table: &mut [f32]) {
+    let per_cell = layout.nodes.len() * n_channels;
+    let per_pixel = layout.n_cells() * per_cell;
+    let n_pixels = layout.n_pixels();
+    sums.par_chunks_mut(TILE * per_pixel).flat_map_iter(|tile| tile.chunks_exact_mut(per_pixel)).for_each(
+        |pixel| {
+            for cells in &layout.lights {
+                let light = &mut pixel[cells.first_cell * per_cell..][..cells.n_cells() * per_cell];
+                for i in per_cell..light.len() {
+                    light[i] += light[i - per_cell];
+                }
+            }
+        },
+    );
+    let sums = &*sums;
+    table.par_chunks_mut(per_cell * n_pixels).enumerate().for_each(|(cell, rows)| {
+        for first in (0..n_pixels).step_by(TILE) {
+            let tile = first..(first + TILE).min(n_pixels);
+            for (i, row) in rows.chunks_exact_mut(n_pixels).enumerate() {
+                for (v, p) in row[tile.clone()].iter_mut().zip(tile.clone()) {
+                    *v += sums[p * per_pixel + cell * per_cell + i];
+                }
+            }
         }
-    };
-    into(first, 1.0 - deposit.next);
-    if deposit.next > 0.0 {
-        into(first + stride, deposit.next);
-    }
+    });
 }
 
 impl<const N: usize> Film<N> for BasisFilm<'_, N> {
@@ -155,12 +188,9 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
     }
 
     fn rows(&mut self) -> Vec<BasisRow<'_, N>> {
-        let layout = self.layout;
-        let width = layout.size.x as usize * layout.n_cells() * layout.nodes.len() * 3;
-        let non_finite = &self.non_finite;
-        self.sums
-            .chunks_mut(width)
-            .zip(&mut self.splats)
+        let Self { layout, luminance, rgb, splats, non_finite } = self;
+        rows_of_sums(layout, luminance, rgb)
+            .zip(splats)
             .map(|(sums, splats)| BasisRow { layout, sums, splats, non_finite, pixel: 0 })
             .collect()
     }
@@ -194,9 +224,7 @@ impl<const N: usize> BasisRow<'_, N> {
 impl<const N: usize> Recorder<N> for BasisRow<'_, N> {
     fn add(&mut self, c: &Contribution<N>) {
         let Some(deposit) = self.deposit(c) else { return };
-        let n_nodes = self.layout.nodes.len();
-        let per_pixel = self.layout.n_cells() * n_nodes * 3;
-        add(&mut self.sums[self.pixel * per_pixel..][..per_pixel], n_nodes, deposit, &c.value);
+        self.sums.add(self.pixel, deposit, &c.value);
     }
 
     fn splat(&mut self, raster: Vec2, c: &Contribution<N>) {

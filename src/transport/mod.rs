@@ -117,11 +117,22 @@ impl Layout {
         self.n_cells() * self.nodes.len()
     }
 
-    /// Memory of a basis of `replicates` replicates while it is rendered, bytes:
-    /// a table of luminance each, the table of colour, and the film's own.
+    /// Memory of a basis of `replicates` replicates, bytes: a table of luminance each and the
+    /// table of colour.
     #[must_use]
-    pub fn memory(&self, replicates: usize) -> u64 {
-        (self.n_rows() * self.n_pixels() * 4 * (replicates + 3 + 3)) as u64
+    pub fn table_memory(&self, replicates: usize) -> u64 {
+        self.table_bytes() * (replicates as u64 + 3)
+    }
+
+    /// Memory of the film that fills a basis, bytes: luminance and colour.
+    #[must_use]
+    pub fn film_memory(&self) -> u64 {
+        self.table_bytes() * 4
+    }
+
+    /// Of a table of one number a pixel, cell and node.
+    fn table_bytes(&self) -> u64 {
+        (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
     }
 }
 
@@ -216,8 +227,9 @@ impl TransportBasis {
             let seed = hash_words(&[source.seed, r as u64]);
             let sampling = Sampling { sampler: source.sampler, seed, first: self.n_samples, count };
             source.integrator.render_values(source.scene, &nodes, &mut film, sampling, observer)?;
-            film.commit(luminance, &mut self.rgb);
+            film.commit_luminance(luminance);
         }
+        film.commit_rgb(&mut self.rgb);
         self.n_samples += count;
         Ok(())
     }

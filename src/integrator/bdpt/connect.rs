@@ -43,7 +43,7 @@ impl<const N: usize> Connect<'_, N> {
             let light = &scene.lights[id as usize];
             let Some(l) = light.sample_li(z.p, u) else { continue };
             let f = z.scatter(l.wi, TransportMode::Radiance);
-            if f.is_zero() || l.radiance == Rgb::ZERO {
+            if f.value.is_zero() || l.radiance == Rgb::ZERO {
                 continue;
             }
             let passed = scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
@@ -62,21 +62,19 @@ impl<const N: usize> Connect<'_, N> {
             let s0 = if light.is_delta() {
                 0.0
             } else {
-                h.apply(
-                    f64::from(z.pdf(l.wi).to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(expected)),
-                )
+                h.apply(f64::from(f.pdf.to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(expected)))
             };
             // s >= 2 chooses the light once.
             let once = f64::from(scene.light_sampler.pmf(id).0 / expected);
             let r =
                 once * p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
-            let s_c = h.apply(r) * z.mis.close(h, z.pdf_rev(l.wi));
+            let s_c = h.apply(r) * z.mis.close(h, f.pdf_rev.0);
             let mis_weight = (1.0 / (1.0 + s0 + s_c)) as f32;
             let from_light = l.radiance * (passed * mis_weight / (l.pdf.0 * expected));
             recorder.add(&Contribution {
                 light: id,
                 at: l.at,
-                value: nodes.scatter(&z.beta, f, si).times(from_light),
+                value: nodes.scatter(&z.beta, f.value, si).times(from_light),
                 strategy: Strategy::new(1, t),
                 mis_weight,
             });
@@ -105,12 +103,12 @@ impl<const N: usize> Connect<'_, N> {
         }
         let w = d / dist2.sqrt();
         let f_z = z.scatter(w, TransportMode::Radiance);
-        if f_z.is_zero() {
+        if f_z.value.is_zero() {
             return;
         }
         // Each side's throughput holds its own cosine about the edge.
         let f_y = y.scatter(-w, TransportMode::Importance);
-        if f_y.is_zero() {
+        if f_y.value.is_zero() {
             return;
         }
         let passed = scene.transmittance(z_si.spawn_origin(w), y_si.spawn_origin(-w), None);
@@ -118,13 +116,13 @@ impl<const N: usize> Connect<'_, N> {
             return;
         }
         let h = integrator.heuristic;
-        let r_z = f64::from(y.pdf(-w).to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
-        let r_y = f64::from(z.pdf(w).to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
-        let s_c = h.apply(r_z) * z.mis.close(h, z.pdf_rev(w));
-        let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(-w));
+        let r_z = f64::from(f_y.pdf.to_area(dist2, z.abs_cos(w)).0) / z.pdf_fwd;
+        let r_y = f64::from(f_z.pdf.to_area(dist2, y.abs_cos(w)).0) / y.pdf_fwd;
+        let s_c = h.apply(r_z) * z.mis.close(h, f_z.pdf_rev.0);
+        let s_l = h.apply(r_y) * y.mis.close(h, f_y.pdf_rev.0);
         let mis_weight = (1.0 / (1.0 + s_l + s_c)) as f32;
-        let from_light = nodes.scatter(&y.beta, f_y, y_si);
-        let value = nodes.scatter(&z.beta, f_z, z_si).product(&from_light);
+        let from_light = nodes.scatter(&y.beta, f_y.value, y_si);
+        let value = nodes.scatter(&z.beta, f_z.value, z_si).product(&from_light);
         recorder.add(&Contribution {
             light: y.light,
             at: y.at,
@@ -154,7 +152,7 @@ impl<const N: usize> Connect<'_, N> {
             }
             let Some(c) = scene.camera.sample_wi(on_lens, y.p) else { continue };
             let f = y.scatter(c.wi, TransportMode::Importance);
-            let value = nodes.scatter(&y.beta, f, si).scaled(c.we.0 / c.dist2);
+            let value = nodes.scatter(&y.beta, f.value, si).scaled(c.we.0 / c.dist2);
             if value.is_zero() {
                 continue;
             }
@@ -163,7 +161,7 @@ impl<const N: usize> Connect<'_, N> {
                 continue;
             }
             let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
-            let s_l = h.apply(r_y) * y.mis.close(h, y.pdf_rev(c.wi));
+            let s_l = h.apply(r_y) * y.mis.close(h, f.pdf_rev.0);
             let mis_weight = (1.0 / (1.0 + s_l)) as f32;
             recorder.splat(
                 c.raster,

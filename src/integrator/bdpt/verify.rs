@@ -7,6 +7,7 @@ use glam::{UVec2, Vec3};
 
 use super::{Workspace, vertex::Vertex};
 use crate::{
+    bsdf::TransportMode,
     film::{Contribution, Recorder},
     integrator::{Integrator, Values},
     light::{LightId, LightPoint},
@@ -80,7 +81,7 @@ pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[Pat
     };
     let scattered = |previous: usize, at: usize, next: usize| match &x[at].si {
         Some(_) if x[at].delta => 1.0,
-        Some(si) => si.pdf(direction(at, previous), direction(at, next)).0,
+        Some(si) => si.scatter(direction(at, previous), direction(at, next), TransportMode::Radiance).pdf.0,
         None => 0.0,
     };
     let (origin, emission) = light.pdf_le(&end.at, first);

@@ -3,9 +3,9 @@
 use glam::Vec3;
 
 use crate::{
-    bsdf::{Affine, TransportMode},
+    bsdf::{Scattering, TransportMode},
     light::{LightId, LightPoint},
-    math::{NodeRgb, SolidAnglePdf},
+    math::NodeRgb,
     scene::SurfaceInteraction,
 };
 
@@ -61,27 +61,15 @@ impl<'a, const N: usize> Vertex<'a, N> {
         self.surface().map_or(1.0, |si| si.ng.dot(w).abs())
     }
 
-    /// Density of the direction to the previous vertex given one from `wi`.
-    #[must_use]
-    pub fn pdf_rev(&self, wi: Vec3) -> f32 {
-        self.surface().map_or(0.0, |si| si.pdf(wi, self.wo).0)
-    }
-
-    /// Density of the direction `wi` given the previous vertex.
-    #[must_use]
-    pub fn pdf(&self, wi: Vec3) -> SolidAnglePdf {
-        self.surface().map_or(SolidAnglePdf(0.0), |si| si.pdf(self.wo, wi))
-    }
-
     /// Whether a connection may end here.
     #[must_use]
     pub fn connectible(&self) -> bool {
         self.surface().is_some_and(|si| si.bsdf.has_non_delta())
     }
 
-    /// Scattering toward `wi` times cosine, adjoint correction included.
+    /// Scattering between the previous vertex and `wi`; none where there is no surface.
     #[must_use]
-    pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Affine {
-        self.surface().map_or(Affine::ZERO, |si| si.scatter(self.wo, wi, mode))
+    pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Scattering {
+        self.surface().map_or(Scattering::ZERO, |si| si.scatter(self.wo, wi, mode))
     }
 }
