@@ -140,7 +140,7 @@ pub fn optimise(
         // Few samples that matter are worth more than many that do not.
         // A basis to be kept gets them itself: other looks will need them elsewhere.
         let is_kept = own.is_none() && now.is_stored();
-        let refocus = may_refocus && (exact || !may_add || !(is_kept || now.is_around(&lighting)));
+        let refocus = may_refocus && (exact || !may_add || !(is_kept || now.is_focused()));
         if refocus {
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
             let least = FOCUS_SAMPLES * FOCUS_REPLICATES as u32;

@@ -304,19 +304,6 @@ impl Engine {
         self.focus.is_some()
     }
 
-    /// Whether the basis is made for these lights: those that shine have the size in focus.
-    #[must_use]
-    pub fn is_around(&self, x: &LightingPoint) -> bool {
-        self.focus.as_ref().is_some_and(|f| {
-            let near = |l: usize| {
-                self.plan.sizes[l].is_none()
-                    || x.radiance[l] == 0.0
-                    || (x.size[l] / f.lighting.size[l] - 1.0).abs() <= FOCUS
-            };
-            (0..x.size.len()).all(near)
-        })
-    }
-
     /// The seed of its samples.
     #[must_use]
     pub fn seed(&self) -> u64 {

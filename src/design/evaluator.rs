@@ -4,7 +4,7 @@ use crate::{
     math::display::LuminanceMode,
     objective::{JackknifeEstimate, Objective, ObjectiveError, Ramp, Smoothing},
     params::{ParamVector, VariableKind},
-    transport::{LightingPoint, Recombination, TransportBasis},
+    transport::{LightingGradient, LightingPoint, Recombination, Tangents, TransportBasis},
 };
 
 /// f_q as a function of the variables.
@@ -37,6 +37,8 @@ pub struct Scratch {
     slopes: Vec<Vec<f64>>,
     adjoint: Vec<f64>,
     adjoints: Vec<Vec<f64>>,
+    /// Derivatives of the replicates.
+    tangents: Vec<Tangents>,
 }
 
 impl Evaluator<'_> {
@@ -47,8 +49,8 @@ impl Evaluator<'_> {
     }
 
     /// Images of the replicates, encoded for the display: the mean and the means
-    /// that leave one out.
-    fn images(&self, r: &Recombination, scratch: &mut Scratch) {
+    /// that leave one out; with their derivatives if wanted.
+    fn images(&self, x: &LightingPoint, differentiate: bool, scratch: &mut Scratch) {
         let n = self.basis.layout().n_pixels();
         let count = self.basis.n_replicates();
         for images in [&mut scratch.replicates, &mut scratch.adjoints] {
@@ -63,10 +65,16 @@ impl Evaluator<'_> {
         scratch.mean.resize(n, 0.0);
         scratch.linear.resize(n, 0.0);
         scratch.adjoint.resize(n, 0.0);
-        let Scratch { replicates, mean, linear, display, slopes, .. } = scratch;
+        scratch.tangents.resize_with(count, Tangents::default);
+        let Scratch { replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
-        for (i, y) in replicates.iter_mut().enumerate() {
-            self.basis.luminance(i, r, y);
+        let r = Recombination::new(self.basis.layout(), x);
+        for (i, (y, tangents)) in replicates.iter_mut().zip(tangents).enumerate() {
+            if differentiate {
+                self.basis.differentiate(i, &r, y, tangents);
+            } else {
+                self.basis.luminance(i, &r, y);
+            }
             for (m, y) in mean.iter_mut().zip(&*y) {
                 *m += share * y;
             }
@@ -97,8 +105,7 @@ impl Evaluator<'_> {
         scratch: &mut Scratch,
     ) -> Result<f64, ObjectiveError> {
         let x = self.variables.decode(u);
-        let recombination = Recombination::new(self.basis.layout(), &self.lighting(&x));
-        self.images(&recombination, scratch);
+        self.images(&self.lighting(&x), gradient.is_some(), scratch);
         let one_out: Vec<&[f64]> = scratch.display[1..].iter().map(Vec::as_slice).collect();
         let Some(gradient) = gradient else {
             let f =
@@ -111,18 +118,22 @@ impl Evaluator<'_> {
         // Back from the display to each replicate: it is part of the mean, and of
         // every mean that leaves out another.
         let count = self.basis.n_replicates() as f64;
-        for p in 0..scratch.mean.len() {
-            let full = scratch.adjoint[p] * scratch.slopes[0][p] / count;
-            let mut total = 0.0;
-            for (a, s) in scratch.adjoints.iter_mut().zip(&scratch.slopes[1..]) {
-                a[p] *= s[p];
-                total += a[p];
-            }
-            for a in &mut scratch.adjoints {
-                a[p] = full + (total - a[p]) / (count - 1.0);
+        let rest = 1.0 / (count - 1.0);
+        let Scratch { adjoint: common, adjoints, slopes, .. } = &mut *scratch;
+        common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
+        for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
+            for ((a, s), all) in adjoint.iter_mut().zip(slopes).zip(common.iter_mut()) {
+                *a *= s * rest;
+                *all += *a;
             }
         }
-        let by_lighting = self.basis.pull_back(&recombination, &scratch.adjoints);
+        for adjoint in &mut *adjoints {
+            adjoint.iter_mut().zip(&*common).for_each(|(a, all)| *a = all - *a);
+        }
+        let mut by_lighting = LightingGradient::zero(self.basis.layout().lights.len());
+        for (tangents, adjoint) in scratch.tangents.iter().zip(&scratch.adjoints) {
+            tangents.pull_back(adjoint, &mut by_lighting);
+        }
         for ((v, &u), g) in self.variables.variables.iter().zip(u).zip(gradient) {
             let slope = match v.kind {
                 VariableKind::Radiance(l) => by_lighting.radiance[l],
@@ -140,7 +151,7 @@ impl Evaluator<'_> {
     /// With fewer than two replicates.
     pub fn estimate(&self, u: &[f64], scratch: &mut Scratch) -> Result<JackknifeEstimate, ObjectiveError> {
         let x = self.variables.decode(u);
-        self.images(&Recombination::new(self.basis.layout(), &self.lighting(&x)), scratch);
+        self.images(&self.lighting(&x), false, scratch);
         let mut statistics = scratch.display.iter().map(|l| self.objective.statistics(l, Ramp::Linear));
         let full = statistics.next().ok_or(ObjectiveError::TooFewReplicates { replicates: 0 })?;
         let one_out: Vec<_> = statistics.collect();

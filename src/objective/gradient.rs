@@ -4,6 +4,8 @@
 //! the object's outline counts. The statistic is g², which combines over replicates
 //! before the root is taken.
 
+use multiversion::multiversion;
+
 use super::region::Regions;
 
 /// `[above-left, above, above-right, left, right, below-left, below, below-right]` of
@@ -21,8 +23,7 @@ fn sobel([al, a, ar, le, ri, bl, b, br]: [f64; 8]) -> (f64, f64) {
     ((ar - al) + 2.0 * (ri - le) + (br - bl), (bl - al) + 2.0 * (b - a) + (br - ar))
 }
 
-/// Gradients of a row of pixels, `(0, 0)` off the object: as loops over whole rows
-/// they become vector instructions.
+/// Gradients of a row of pixels, `(0, 0)` off the object.
 struct Row {
     y: usize,
     /// Columns from the object's first to its last.
@@ -33,31 +34,14 @@ struct Row {
 
 /// The gradients of every row that holds a part of the object.
 fn for_each_row(l: &[f64], regions: &Regions, mut visit: impl FnMut(&Row)) {
-    let w = regions.width();
+    let (w, h) = (regions.width(), regions.height());
     let mut row = Row { y: 0, columns: 0..0, gx: vec![0.0; w], gy: vec![0.0; w] };
     for (y, mask) in regions.mask().chunks_exact(w).enumerate() {
         let Some(first) = mask.iter().position(|&m| m) else { continue };
         let end = mask.iter().rposition(|&m| m).unwrap_or(first) + 1;
-        row.y = y;
-        row.columns = first..end;
-        let [al, _, _, le, _, bl, _, _] = neighbours(regions, 1, y);
-        // Columns whose neighbours exist on both sides.
-        let (from, to) = (first.max(1), end.min(w - 1));
-        if from < to {
-            let n = to - from;
-            let line = |start: usize, shift: usize| &l[start + from - 1 + shift..][..n];
-            let (above, here, below) = (al, le, bl);
-            let [a0, a1, a2] = [0, 1, 2].map(|s| line(above, s));
-            let [h0, _, h2] = [0, 1, 2].map(|s| line(here, s));
-            let [b0, b1, b2] = [0, 1, 2].map(|s| line(below, s));
-            let (gx, gy) = (&mut row.gx[from..to], &mut row.gy[from..to]);
-            let mask = &mask[from..to];
-            for i in 0..n {
-                let (x, y) = sobel([a0[i], a1[i], a2[i], h0[i], h2[i], b0[i], b1[i], b2[i]]);
-                gx[i] = if mask[i] { x } else { 0.0 };
-                gy[i] = if mask[i] { y } else { 0.0 };
-            }
-        }
+        (row.y, row.columns) = (y, first..end);
+        let lines = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|y| &l[y * w..][..w]);
+        inner_gradients(lines, mask, &mut row.gx, &mut row.gy);
         for x in [0, w - 1] {
             (row.gx[x], row.gy[x]) =
                 if mask[x] { sobel(neighbours(regions, x, y).map(|i| l[i])) } else { (0.0, 0.0) };
@@ -66,33 +50,74 @@ fn for_each_row(l: &[f64], regions: &Regions, mut visit: impl FnMut(&Row)) {
     }
 }
 
+/// The gradients of a row but for its ends, from the lines above, at and below it.
+#[multiversion(targets = "simd")]
+fn inner_gradients(lines: [&[f64]; 3], mask: &[bool], gx: &mut [f64], gy: &mut [f64]) {
+    let Some(n) = mask.len().checked_sub(2) else { return };
+    let [above, here, below] = lines.map(|line| [&line[..n], &line[1..][..n], &line[2..][..n]]);
+    let (mask, gx, gy) = (&mask[1..][..n], &mut gx[1..][..n], &mut gy[1..][..n]);
+    for i in 0..n {
+        let at = |line: [&[f64]; 3]| line.map(|l| l[i]);
+        let ([al, a, ar], [le, _, ri], [bl, b, br]) = (at(above), at(here), at(below));
+        let (x, y) = sobel([al, a, ar, le, ri, bl, b, br]);
+        gx[i] = if mask[i] { x } else { 0.0 };
+        gy[i] = if mask[i] { y } else { 0.0 };
+    }
+}
+
 /// `g² = 1/N_obj Σ_{p ∈ obj} |∇l_p|²`.
 pub(super) fn mean_squared(l: &[f64], regions: &Regions) -> f64 {
     let mut sum = 0.0;
     for_each_row(l, regions, |row| {
-        let (x, y) = (&row.gx[row.columns.clone()], &row.gy[row.columns.clone()]);
-        sum += x.iter().zip(y).map(|(x, y)| x * x + y * y).sum::<f64>();
+        sum += squared(&row.gx[row.columns.clone()], &row.gy[row.columns.clone()]);
     });
     sum / regions.n_object()
 }
 
+/// `Σ x² + y²`, in sums that need not wait for each other.
+#[multiversion(targets = "simd")]
+fn squared(x: &[f64], y: &[f64]) -> f64 {
+    const LANES: usize = 16;
+    let mut sums = [0.0; LANES];
+    for (x, y) in x.chunks(LANES).zip(y.chunks(LANES)) {
+        for ((x, y), sum) in x.iter().zip(y).zip(&mut sums) {
+            *sum += x * x + y * y;
+        }
+    }
+    sums.iter().sum()
+}
+
+/// The Sobel pair's weights of [`neighbours`].
+const SOBEL: [(f64, f64); 8] =
+    [(-1.0, -1.0), (0.0, -2.0), (1.0, -1.0), (-2.0, 0.0), (2.0, 0.0), (-1.0, 1.0), (0.0, 2.0), (1.0, 1.0)];
+
 /// Adds `adjoint · ∂g²/∂l` to `out`.
 pub(super) fn add_adjoint(l: &[f64], regions: &Regions, adjoint: f64, out: &mut [f64]) {
     let step = 2.0 * adjoint / regions.n_object();
+    let w = regions.width();
     for_each_row(l, regions, |row| {
-        for x in row.columns.clone() {
-            let (gx, gy) = (step * row.gx[x], step * row.gy[x]);
-            let [al, a, ar, le, ri, bl, b, br] = neighbours(regions, x, row.y);
-            out[al] -= gx + gy;
-            out[a] -= 2.0 * gy;
-            out[ar] += gx - gy;
-            out[le] -= 2.0 * gx;
-            out[ri] += 2.0 * gx;
-            out[bl] += gy - gx;
-            out[b] += 2.0 * gy;
-            out[br] += gx + gy;
+        let inner = row.columns.start.max(1)..row.columns.end.min(w - 1);
+        if !inner.is_empty() {
+            let (gx, gy) = (&row.gx[inner.clone()], &row.gy[inner.clone()]);
+            let first = neighbours(regions, inner.start, row.y);
+            for (start, (x, y)) in first.into_iter().zip(SOBEL) {
+                add_products(&mut out[start..][..inner.len()], gx, gy, [step * x, step * y]);
+            }
+        }
+        for x in [0, w - 1] {
+            for (i, (a, b)) in neighbours(regions, x, row.y).into_iter().zip(SOBEL) {
+                out[i] += step * (a * row.gx[x] + b * row.gy[x]);
+            }
         }
     });
+}
+
+/// `out += weights[0] · x + weights[1] · y`.
+#[multiversion(targets = "simd")]
+fn add_products(out: &mut [f64], x: &[f64], y: &[f64], weights: [f64; 2]) {
+    for ((out, x), y) in out.iter_mut().zip(x).zip(y) {
+        *out += weights[0] * x + weights[1] * y;
+    }
 }
 
 #[cfg(test)]

@@ -5,8 +5,12 @@
 
 use multiversion::multiversion;
 
-/// Independent sums of a dot product: so many that adding to them is a loop over
-/// memory, which compilers turn into vector instructions.
+/// Pixels of [`combine_thrice`] handled at a time: three sums of them stay in the first cache
+/// level, and memory delivers as much of a row at once.
+const BLOCK: usize = 512;
+
+/// Numbers handled at a time: few enough for the registers and the first cache level, so
+/// many that the inner loops become vector instructions.
 const LANES: usize = 64;
 
 /// `out[p] = Σ_i weights[i] · rows[i][p]`.
@@ -32,23 +36,39 @@ pub(super) fn combine(rows: &[&[f32]], weights: &[f64], out: &mut [f64]) {
     }
 }
 
-/// `out[i] += scale · Σ_p adjoint[p] · rows[i][p]`.
+/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]`, the rows read once; the last of the three is
+/// added to what is there.
 #[multiversion(targets = "simd")]
-pub(super) fn dots(rows: &[&[f32]], adjoint: &[f64], scale: f64, out: &mut [f64]) {
-    for (rows, out) in rows.chunks(2).zip(out.chunks_mut(2)) {
-        // Two rows at a time: memory delivers both at once.
-        let (first, second) = (rows[0], rows[rows.len() - 1]);
-        let mut lanes = [[0.0_f64; LANES]; 2];
-        let [x, y] = &mut lanes;
-        for ((a, b), c) in adjoint.chunks(LANES).zip(first.chunks(LANES)).zip(second.chunks(LANES)) {
-            let terms = a.iter().zip(b).zip(c).zip(x.iter_mut()).zip(y.iter_mut());
-            for ((((&a, &b), &c), x), y) in terms {
-                *x += a * f64::from(b);
-                *y += a * f64::from(c);
+pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
+    let [a, b, c] = out;
+    a.fill(0.0);
+    b.fill(0.0);
+    let parts = a.chunks_mut(BLOCK).zip(b.chunks_mut(BLOCK)).zip(c.chunks_mut(BLOCK));
+    for (i, ((a, b), c)) in parts.enumerate() {
+        let n = a.len();
+        for (rows, w) in rows.chunks(2).zip(weights.chunks(2)) {
+            let (first, second) = (rows[0], rows[rows.len() - 1]);
+            let (u, v) = (w[0], if w.len() > 1 { w[1] } else { [0.0; 3] });
+            let (first, second) = (&first[i * BLOCK..][..n], &second[i * BLOCK..][..n]);
+            let (a, b, c) = (&mut a[..n], &mut b[..n], &mut c[..n]);
+            for p in 0..n {
+                let (x, y) = (f64::from(first[p]), f64::from(second[p]));
+                a[p] += u[0] * x + v[0] * y;
+                b[p] += u[1] * x + v[1] * y;
+                c[p] += u[2] * x + v[2] * y;
             }
         }
-        for (out, lanes) in out.iter_mut().zip(&lanes) {
-            *out += scale * lanes.iter().sum::<f64>();
+    }
+}
+
+/// `Σ_p a[p] · b[p]`.
+#[multiversion(targets = "simd")]
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
+        for ((a, b), sum) in a.iter().zip(b).zip(&mut sums) {
+            *sum += a * b;
         }
     }
+    sums.iter().sum()
 }

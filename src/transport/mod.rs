@@ -36,7 +36,7 @@ use crate::{
 pub use film::BasisFilm;
 pub use knots::Knots;
 pub use nodes::ValueNodes;
-pub use recombine::{LightingGradient, LightingPoint, Recombination};
+pub use recombine::{LightingGradient, LightingPoint, Recombination, Tangents};
 
 /// The cells of a light.
 #[derive(Clone, Debug, PartialEq)]
@@ -255,7 +255,7 @@ impl TransportBasis {
             }
             out
         };
-        let luminance = self.luminance.iter().map(reduce).collect();
+        let luminance = self.luminance.par_iter().map(reduce).collect();
         Self { luminance, rgb: Vec::new(), n_samples: self.n_samples, layout }
     }
 

@@ -31,7 +31,18 @@ struct Entry {
 /// An image as a sum over rows of the tables.
 #[derive(Clone, Debug)]
 pub struct Recombination {
+    /// By light, then by row.
     entries: Vec<Entry>,
+    radiance: Vec<f64>,
+}
+
+/// Derivatives of an image's luminance by everything that a lighting may vary.
+#[derive(Clone, Debug, Default)]
+pub struct Tangents {
+    /// By each light's radiance and size.
+    lights: Vec<[Vec<f64>; 2]>,
+    /// By the background's value.
+    value: Vec<f64>,
 }
 
 /// Derivatives of a number by everything that a lighting may vary.
@@ -43,6 +54,25 @@ pub struct LightingGradient {
     pub size: Vec<f64>,
     /// By the background's value; 0 where it is not free.
     pub value: f64,
+}
+
+impl LightingGradient {
+    /// Of a number that does not depend on `n` lights.
+    #[must_use]
+    pub fn zero(n: usize) -> Self {
+        Self { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0 }
+    }
+}
+
+impl Tangents {
+    /// Adds the derivatives of Σ_p `adjoint[p]` · luminance(p) to `gradient`.
+    pub fn pull_back(&self, adjoint: &[f64], gradient: &mut LightingGradient) {
+        for (l, [by_radiance, by_size]) in self.lights.iter().enumerate() {
+            gradient.radiance[l] += kernels::dot(by_radiance, adjoint);
+            gradient.size[l] += kernels::dot(by_size, adjoint);
+        }
+        gradient.value += kernels::dot(&self.value, adjoint);
+    }
 }
 
 impl Recombination {
@@ -83,19 +113,7 @@ impl Recombination {
                 }
             }
         }
-        Self { entries }
-    }
-
-    /// Carries derivatives by the entries' weights to the lighting.
-    fn gradient(&self, layout: &Layout, by_weight: &[f64]) -> LightingGradient {
-        let n = layout.lights.len();
-        let mut g = LightingGradient { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0 };
-        for (e, d) in self.entries.iter().zip(by_weight) {
-            g.radiance[e.light] += e.by_radiance * d;
-            g.size[e.light] += e.by_size * d;
-            g.value += e.by_value * d;
-        }
-        g
+        Self { entries, radiance: x.radiance.clone() }
     }
 }
 
@@ -115,16 +133,35 @@ impl TransportBasis {
         }
     }
 
-    /// Derivatives by the lighting of Σ_r Σ_p `adjoints[r][p]` · luminance_r(p).
-    #[must_use]
-    pub fn pull_back(&self, r: &Recombination, adjoints: &[Vec<f64>]) -> LightingGradient {
+    /// Linear luminance of a replicate and its derivatives, into `out` and `tangents`.
+    pub fn differentiate(
+        &self,
+        replicate: usize,
+        r: &Recombination,
+        out: &mut [f64],
+        tangents: &mut Tangents,
+    ) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
-        let mut by_weight = vec![0.0; r.entries.len()];
-        for (replicate, adjoint) in adjoints.iter().enumerate() {
-            let rows: Vec<&[f32]> = r.entries.iter().map(|e| self.row(replicate, e.row)).collect();
-            kernels::dots(&rows, adjoint, scale, &mut by_weight);
+        tangents.lights.resize_with(r.radiance.len(), Default::default);
+        tangents.value.clear();
+        tangents.value.resize(out.len(), 0.0);
+        out.fill(0.0);
+        let mut first = 0;
+        for (l, images) in tangents.lights.iter_mut().enumerate() {
+            let n = r.entries[first..].iter().take_while(|e| e.light == l).count();
+            let entries = &r.entries[first..first + n];
+            first += n;
+            images.iter_mut().for_each(|image| image.resize(out.len(), 0.0));
+            let rows: Vec<&[f32]> = entries.iter().map(|e| self.row(replicate, e.row)).collect();
+            let weights: Vec<[f64; 3]> =
+                entries.iter().map(|e| [e.by_radiance, e.by_size, e.by_value].map(|w| scale * w)).collect();
+            let [by_radiance, by_size] = &mut *images;
+            kernels::combine_thrice(&rows, &weights, [by_radiance, by_size, &mut tangents.value]);
+            // Luminance is linear in each radiance.
+            for (y, d) in out.iter_mut().zip(&images[0]) {
+                *y += r.radiance[l] * d;
+            }
         }
-        r.gradient(self.layout(), &by_weight)
     }
 
     /// The share of each light in the mean luminance of a lighting; all 0 in the dark.

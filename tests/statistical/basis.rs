@@ -11,7 +11,10 @@ use lightopt_embree::{
     },
     sampler::SamplerKind,
     scene::{Scene, material::Model},
-    transport::{Knots, Layout, LightingPoint, Recombination, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{
+        Knots, Layout, LightingGradient, LightingPoint, Recombination, SizeBins, Source, Tangents,
+        TransportBasis, ValueNodes,
+    },
 };
 
 use crate::support::{random::Random, scenes};
@@ -252,7 +255,13 @@ fn derivatives_are_those_of_the_recombination() {
     };
     for value_at in [0.0, 0.4, f64::from(LARGEST_VALUE)] {
         let x = random_lighting(&scene, &mut random, value_at);
-        let g = basis.pull_back(&Recombination::new(basis.layout(), &x), &adjoints);
+        let r = Recombination::new(basis.layout(), &x);
+        let mut g = LightingGradient::zero(scene.lights.len());
+        let (mut image, mut tangents) = (vec![0.0; n], Tangents::default());
+        for (i, adjoint) in adjoints.iter().enumerate() {
+            basis.differentiate(i, &r, &mut image, &mut tangents);
+            tangents.pull_back(adjoint, &mut g);
+        }
         let scale = g.radiance.iter().map(|v| v.abs()).fold(0.0, f64::max);
         let check = |what: &str, found: f64, at: &dyn Fn(f64) -> LightingPoint| {
             let h = 1e-5;
