@@ -29,7 +29,8 @@ pub enum Block {
 
 const STYLE: &str = "
 body { font: 16px/1.5 system-ui, 'DejaVu Sans', sans-serif; color: #222; max-width: 1180px; margin: 2.5rem auto; padding: 0 1.5rem; }
-h1 { font-size: 1.7rem; margin-bottom: .2rem; } h2 { font-size: 1.25rem; margin: 2.8rem 0 .8rem; }
+h1 { font-size: 1.7rem; margin-bottom: .2rem; }
+sub { font-size: .72em; line-height: 0; } h2 { font-size: 1.25rem; margin: 2.8rem 0 .8rem; }
 .lead { color: #555; margin-top: 0; }
 figure { margin: 1.2rem 0 2rem; } figure img { display: block; max-width: 100%; height: auto; }
 figcaption, caption { color: #444; font-size: .92rem; text-align: left; padding: .6rem 0; max-width: 62rem; }

@@ -30,14 +30,14 @@ pub fn of(study: &Study, look: usize) -> Published {
     }
 }
 
-/// What a reader of the tables should know of the paper's numbers.
+/// What a reader of Table 2 should know of the paper's numbers; of Table 3, all but the last.
 pub const NOTES: [&str; 4] = [
     "Published numbers are of the paper's own scenes, which are not available; these are of the same kind. \
      A dash: not known to us, or without meaning there.",
-    "The published f_q do not follow from the published terms: the six terms printed for Girl in high-key \
-     give 0.237, the table says 0.284. Compare terms, and sums that are computed anew.",
     "t_varObj = 0.63 is out of reach: a standard deviation on [0, 1] is at most 0.5, so low-key's \
      f_varObj is 0.206 or more, and its f_q 0.083 or more.",
     "The gradient depends on the resolution (published ones lie between 0.39 and 0.74), and f_q with it: terms \
      and f_q are of the working size, the last column is of the picture at full size.",
+    "The published f_q do not follow from the published terms: the six terms printed for Girl in high-key \
+     give 0.237, the table says 0.284. Compare terms, and sums that are computed anew.",
 ];

@@ -113,6 +113,12 @@ fn shown(entry: &Entry, markup: Markup) -> String {
     }
 }
 
+/// A caption without the `Table 2. ` before it.
+fn unnumbered(caption: &str) -> &str {
+    let rest = caption.strip_prefix("Table ").and_then(|rest| rest.split_once(". "));
+    rest.filter(|(number, _)| number.parse::<u32>().is_ok()).map_or(caption, |(_, words)| words)
+}
+
 impl Table {
     /// The row's entries from the first column in which it differs from the row before, the
     /// shared ones being empty; and whether a new group begins.
@@ -154,7 +160,8 @@ impl Table {
         text
     }
 
-    /// A `table` environment; needs the package `booktabs`.
+    /// A `table*` environment, made narrower if it were wider than the line; needs the packages
+    /// `booktabs` and `graphicx`. LaTeX numbers it by itself: the caption's own number is left out.
     ///
     /// # Errors
     /// Never: writing to a string does not fail.
@@ -162,8 +169,11 @@ impl Table {
         let m = Markup::Latex;
         let columns: String =
             (0..self.header.len()).map(|i| if self.is_number(i) { 'r' } else { 'l' }).collect();
-        let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\\small\n");
-        writeln!(text, "\\caption{{{}}}", set(&self.caption, m))?;
+        let mut text = String::from(
+            "% needs \\usepackage{booktabs,graphicx}\n\\begin{table*}\n\\centering\\small\\setlength{\\tabcolsep}{4pt}\n",
+        );
+        writeln!(text, "\\caption{{{}}}", set(unnumbered(&self.caption), m))?;
+        text.push_str("\\resizebox{\\ifdim\\width>\\linewidth\\linewidth\\else\\width\\fi}{!}{%\n");
         writeln!(text, "\\begin{{tabular}}{{{columns}}}\n\\toprule")?;
         let heads: Vec<String> = self.header.iter().map(|h| set(h, m)).collect();
         writeln!(text, "{} \\\\\n\\midrule", heads.join(" & "))?;
@@ -174,11 +184,11 @@ impl Table {
             }
             writeln!(text, "{} \\\\", words.join(" & "))?;
         }
-        text.push_str("\\bottomrule\n\\end{tabular}\n");
+        text.push_str("\\bottomrule\n\\end{tabular}}\n");
         for note in notes {
-            writeln!(text, "\n\\smallskip\\noindent\\footnotesize {}", set(note, m))?;
+            writeln!(text, "\n\\smallskip\\raggedright\\footnotesize {}\\par", set(note, m))?;
         }
-        text.push_str("\\end{table}\n");
+        text.push_str("\\end{table*}\n");
         Ok(text)
     }
 
@@ -239,6 +249,9 @@ mod tests {
         assert!(latex.contains("a & x\\_1, \"y\" & 0.123 & -- \\\\\n & x\\_1"), "{latex}");
         assert_eq!(latex.matches("\\addlinespace").count(), 1);
         assert!(latex.contains("{llrl}"));
+        let numbered = Table { caption: "Table 2. Terms.".to_owned(), ..table() };
+        assert!(numbered.latex(&[]).unwrap().contains("\\caption{Terms.}"));
+        assert!(numbered.html().unwrap().contains("Table 2. Terms."));
         let html = table().html().unwrap();
         assert!(html.contains("A &amp; B: <i>f</i><sub>q</sub>"), "{html}");
         assert_eq!(html.matches("<td>a</td>").count(), 1);

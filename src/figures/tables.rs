@@ -45,7 +45,7 @@ fn sum(evaluation: &Evaluation) -> f64 {
     evaluation.terms.iter().map(|t| t.contribution()).sum()
 }
 
-/// Tables 2 and 3: the terms found, with the paper's numbers below ours.
+/// Tables 2 and 3: the terms found, with the paper's numbers below ours where they are known.
 #[must_use]
 pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
@@ -71,6 +71,9 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
             let ours = ours.map(Entry::number);
             rows.push(row(scene, "f", terms.map(|t| Entry::number(t.f)), ours));
             let paper = published::of(&outcome.study, look);
+            if paper == published::Published::default() {
+                continue;
+            }
             let printed = terms.map(|t| Entry::known(paper.hist.filter(|_| t.term == Term::Hist)));
             let last = [Entry::known(paper.sum), Entry::known(paper.f_q), Entry::Dash, Entry::Dash];
             rows.push(row(scene, "f, published", printed, last));
@@ -177,6 +180,12 @@ mod tests {
             panic!("{:?}", table.rows[2]);
         };
         assert!((sum - f_q).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_the_paper_does_not_show_has_no_row_for_its_numbers() {
+        let free = Outcome { study: STUDIES[3], ..outcome(0) };
+        assert_eq!(found(&[&free], "").rows.len(), 3);
     }
 
     #[test]

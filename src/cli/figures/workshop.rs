@@ -275,8 +275,12 @@ impl<'a> Workshop<'a> {
     }
 
     fn found(&mut self, name: &str, caption: &str, outcomes: &[&Outcome]) -> anyhow::Result<()> {
-        self.heading(if name == "table2" { "Terms found" } else { "Terms found with the background free" });
-        self.put_table(name, tables::found(outcomes, caption), &published::NOTES)
+        let (heading, notes) = match name {
+            "table2" => ("Terms found", &published::NOTES[..]),
+            _ => ("Terms found with the background free", &published::NOTES[..3]),
+        };
+        self.heading(heading);
+        self.put_table(name, tables::found(outcomes, caption), notes)
     }
 
     fn gaps(&mut self, outcomes: &[&Outcome]) -> anyhow::Result<()> {
@@ -293,7 +297,7 @@ impl<'a> Workshop<'a> {
         let s = self.runner.settings;
         self.heading("Paper mode and default mode");
         let caption = format!(
-            "The fruit basket, background fixed, at {} x {} pixels. Left, paper mode: fresh renders of {} samples \
+            "The fruit basket, background fixed, at {} × {} pixels. Left, paper mode: fresh renders of {} samples \
              per pixel and forward differences from one start, at most {} evaluations; f_q as measured, noise \
              included. Right, default mode: the evaluations that led to the result on one transport basis, \
              freed of noise bias, from the best of some two hundred starts. Smoothing of f_q is lowered in stages. \
@@ -317,7 +321,7 @@ impl<'a> Workshop<'a> {
         let s = self.runner.settings;
         let lead = format!(
             "Automatic Aesthetics-based Lighting Design with Global Illumination (2014), on scenes of the same kind. \
-             lightopt-embree {}, seed {}; pictures of {} x {} pixels, optimised at {} x {}.",
+             lightopt-embree {}, seed {}; pictures of {} × {} pixels, optimised at {} × {}.",
             self.manifest.version, self.manifest.seed, s.size.x, s.size.y, s.work_size.x, s.work_size.y
         );
         let html = page::html("Figures and tables of the paper, made anew", &lead, &self.blocks)?;
