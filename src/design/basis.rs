@@ -63,7 +63,7 @@ fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
 /// correction of f_q.
 fn lacking(e: &JackknifeEstimate, tolerance: f64) -> f64 {
     let (error, bias) = (e.half_width / tolerance, e.correction.abs() / (2.0 * tolerance));
-    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0)).clamp(1.2, 4.0)
+    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0)).clamp(1.2, 2.5)
 }
 
 /// Finds the lights: searches, adds samples, checks, refocuses.
