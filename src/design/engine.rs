@@ -107,7 +107,7 @@ impl Plan {
         let reduced = if plan.knots < KNOTS { ", fewer to fit the memory allowed" } else { "" };
         reporter.note(&format!(
             "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
-             nodes, {REPLICATES} replicates, {} MiB",
+             nodes, {REPLICATES} replicates, {} MiB with the finer one that follows",
             layout.size.x,
             layout.size.y,
             layout.n_cells(),

@@ -78,7 +78,7 @@ impl Within {
     /// there may be a better end.
     #[must_use]
     pub fn around(u: &[f64]) -> Self {
-        Self { center: u.to_vec(), radius: 0.15, n_points: 128, n_coarse: 16, n_fine: 3 }
+        Self { center: u.to_vec(), radius: 0.15, n_points: 128, n_coarse: 16, n_fine: 4 }
     }
 
     fn point(&self, i: u32, seed: u32) -> Vec<f64> {
