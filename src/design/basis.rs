@@ -99,8 +99,7 @@ pub fn optimise(
     let Some((name, mut best)) = search::best(&trials).map(|(t, p)| (t.name.clone(), p.clone())) else {
         return Err(OptimError::NothingEvaluated.into());
     };
-    let mut n_evaluations: u32 =
-        trials.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum();
+    let mut n_evaluations = search::evaluations(&trials);
     dir.log_starts(trials.iter().map(|t| start_line(t, problem.variables)))?;
     log_time(dir, "search", begin)?;
     reporter.note(&format!(
@@ -215,8 +214,7 @@ fn search_around(
     let again = on_reduced(engine, problem, |whole, reduced| {
         Ok(search::search(whole, reduced, &starts, &within, engine.seed() as u32, cancelled)?)
     })?;
-    *n_evaluations +=
-        again.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum::<u32>();
+    *n_evaluations += search::evaluations(&again);
     let Some((_, found)) = search::best(&again) else { return Ok(best.clone()) };
     let evaluations = [best.evaluations.clone(), found.evaluations.clone()].concat();
     Ok(Polished { evaluations, ..found.clone() })

@@ -267,6 +267,12 @@ fn polish(
     Ok(Polished { u, estimate, evaluations, stop })
 }
 
+/// Evaluations on the whole picture.
+#[must_use]
+pub fn evaluations(trials: &[Trial]) -> u32 {
+    trials.iter().filter_map(|t| t.polished.as_ref()).map(|p| p.evaluations.len() as u32).sum()
+}
+
 /// The polished trial with the least f_q.
 #[must_use]
 pub fn best(trials: &[Trial]) -> Option<(&Trial, &Polished)> {

@@ -42,12 +42,17 @@ fn for_each_row(l: &[f64], regions: &Regions, mut visit: impl FnMut(&Row)) {
         (row.y, row.columns) = (y, first..end);
         let lines = [y.saturating_sub(1), y, (y + 1).min(h - 1)].map(|y| &l[y * w..][..w]);
         inner_gradients(lines, mask, &mut row.gx, &mut row.gy);
-        for x in [0, w - 1] {
+        for x in ends(w) {
             (row.gx[x], row.gy[x]) =
                 if mask[x] { sobel(neighbours(regions, x, y).map(|i| l[i])) } else { (0.0, 0.0) };
         }
         visit(&row);
     }
+}
+
+/// Columns of a row of `w` pixels that have no neighbour on a side.
+fn ends(w: usize) -> impl Iterator<Item = usize> {
+    (0..w).step_by((w - 1).max(1))
 }
 
 /// The gradients of a row but for its ends, from the lines above, at and below it.
@@ -104,7 +109,7 @@ pub(super) fn add_adjoint(l: &[f64], regions: &Regions, adjoint: f64, out: &mut 
                 add_products(&mut out[start..][..inner.len()], gx, gy, [step * x, step * y]);
             }
         }
-        for x in [0, w - 1] {
+        for x in ends(w) {
             for (i, (a, b)) in neighbours(regions, x, row.y).into_iter().zip(SOBEL) {
                 out[i] += step * (a * row.gx[x] + b * row.gy[x]);
             }
