@@ -94,6 +94,25 @@ fn without_names_the_main_object_is_a_box_in_space() {
 }
 
 #[test]
+fn a_scene_without_height_is_staged_and_lit() {
+    let square = |i: usize, x: [f32; 2], z: [f32; 2]| {
+        let v =
+            [(x[0], z[0]), (x[0], z[1]), (x[1], z[1]), (x[1], z[0])].map(|(x, z)| format!("v {x} 0 {z}\n"));
+        let first = 4 * i + 1;
+        format!("o part{i}\n{}f {first} {} {} {}\n", v.concat(), first + 1, first + 2, first + 3)
+    };
+    // A floor with squares painted on it, and a single square.
+    let painted = [square(0, [0.0, 5.0], [0.0, 5.0]), square(1, [1.0, 2.0], [1.0, 2.0])].concat();
+    for (obj, n_triangles) in [(painted, 4), (square(0, [0.0, 1.0], [0.0, 1.0]), 2)] {
+        let room = bare(&obj);
+        room.succeed(&["render", "room.obj", "--spp", "4", "--size", "16x12", "-o", "a.exr"]);
+        let scene = builder::load(&room.path("room.obj")).unwrap();
+        assert_eq!(scene.is_main.iter().filter(|m| **m).count(), n_triangles);
+        assert!(scene.lights.iter().all(|l| l.radiance.is_finite() && l.size > 0.0));
+    }
+}
+
+#[test]
 fn a_sidecar_that_exists_is_replaced_by_force_only() {
     let room = Room::new();
     let error = room.fail_at_once(&["stage", "room.obj"]);

@@ -124,7 +124,9 @@ fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Option<Vec<&'a Piece
     let stands = floors.map(|p| top(p)).any(|top| (bounds.lo.y - top).abs() <= gap);
     let is_held = stands || shells.iter().any(|p| is_enclosing(p));
     let is_small = share.x <= MAX_STANDING && share.z <= MAX_STANDING;
-    (!subject.is_empty() && is_held && is_small).then_some(subject)
+    // What is painted on a floor does not stand on it.
+    let rises = bounds.hi.y > scene.lo.y;
+    (!subject.is_empty() && is_held && is_small && rises).then_some(subject)
 }
 
 /// Whether triangles of other pieces lie below a subject that was named.

@@ -87,6 +87,8 @@ const RIG: [Place; 3] = [
 const STEEPEST: f32 = 80.0;
 /// Share of the free distance at which a light is placed before a wall.
 const CLEARANCE: f32 = 0.85;
+/// Least share, whatever stands there: a light has a distance and a size.
+const LEAST_SHARE: f32 = 0.05;
 /// Distance of the backdrop's wall behind the subject's middle, in radii of the subject.
 const WALL_DISTANCE: f32 = 3.2;
 /// Least height of the wall, in radii of the subject.
@@ -124,7 +126,7 @@ fn light(place: &Place, subject: &Bounds, view: &View, obstacles: &Obstacles) ->
     }
     let wanted = at(elevation);
     let free = obstacles.free_share(center, wanted);
-    let share = if free < 1.0 { CLEARANCE * free } else { 1.0 };
+    let share = if free < 1.0 { (CLEARANCE * free).max(LEAST_SHARE) } else { 1.0 };
     let (distance, extent) = (place.distance * r * share, place.extent * r * share);
     let area = if place.is_round { PI * extent * extent } else { 4.0 * extent * extent };
     StagedLight {
