@@ -114,7 +114,6 @@ pub fn optimise(
     let (mut round, mut additions) = (0, 0);
     let check = loop {
         let now = own.as_ref().unwrap_or(engine);
-        let lighting = now.lighting(problem.variables, &best.u);
         let may_refocus = round < MAX_REFOCUS && !cancelled() && !late();
         let may_add = additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES && !cancelled() && !late();
         let exact = is_exact(&best.estimate, tolerance);
@@ -138,9 +137,10 @@ pub fn optimise(
         let clock = Instant::now();
         // Few samples that matter are worth more than many that do not.
         // A basis to be kept gets them itself: other looks will need them elsewhere.
-        let is_kept = own.is_none() && now.is_stored();
-        let refocus = may_refocus && (exact || !may_add || !(is_kept || now.is_focused()));
+        let takes_more = now.is_stored() || now.is_focused();
+        let refocus = may_refocus && (exact || !may_add || !takes_more);
         if refocus {
+            let lighting = now.lighting(problem.variables, &best.u);
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
             let least = FOCUS_SAMPLES * FOCUS_REPLICATES as u32;
             let samples = if now.is_focused() { now.samples() } else { least };

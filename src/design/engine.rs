@@ -22,12 +22,11 @@ const REPLICATES: usize = 4;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
-/// Knots of a basis around what was found, half of them close to it, and its replicates:
-/// fewer of the ones leave room for more of the others, which tell the error better.
+/// Knots of a basis around what was found: half of them lie within this share of the size found.
 const FOCUS_KNOTS: usize = 16;
-pub const FOCUS_REPLICATES: usize = 6;
-/// They lie within this share of the size found.
 const FOCUS: f64 = 0.35;
+/// Replicates of such a basis and of its check: more than of the first, to tell the error better.
+pub const FOCUS_REPLICATES: usize = 6;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
 const FAINT_LIGHT: f32 = 0.05;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.

@@ -221,9 +221,9 @@ fn seed_for(seed: u64, purpose: Purpose) -> u64 {
     hash_words(&[seed, purpose as u64])
 }
 
-/// Replicates of a render whose f_q is reported.
+/// Replicates of a render whose f_q is reported in paper mode.
 const CHECK_REPLICATES: u32 = 8;
-/// Samples of the check and initial renders, times those of a working render.
+/// Samples of its check and initial renders, times those of a working render.
 const CHECK_FACTOR: u32 = 4;
 /// Samples per pixel of the survey.
 const SURVEY_SPP: u32 = 64;

@@ -158,6 +158,26 @@ mod tests {
     }
 
     #[test]
+    fn the_adjoint_of_a_narrow_picture_is_its_derivative() {
+        for w in [1, 2] {
+            let l: Vec<f64> = (0..3 * w).map(|i| (i * i) as f64 * 0.03).collect();
+            let regions = Regions::new(w, 3, &vec![true; l.len()]);
+            let mut adjoint = vec![0.0; l.len()];
+            add_adjoint(&l, &regions, 1.0, &mut adjoint);
+            for (i, a) in adjoint.iter().enumerate() {
+                // g² is quadratic in l: central differences are exact.
+                let at = |h: f64| {
+                    let mut l = l.clone();
+                    l[i] += h;
+                    mean_squared(&l, &regions)
+                };
+                let difference = at(0.5) - at(-0.5);
+                assert!((a - difference).abs() < 1e-12, "width {w}, pixel {i}: {a} {difference}");
+            }
+        }
+    }
+
+    #[test]
     fn no_gradient_exceeds_the_largest_that_targets_take() {
         // g² is convex, so that its maximum is where all neighbours are black or white.
         let of = |bits: u32| at(&std::array::from_fn::<f64, 9, _>(|i| f64::from(bits >> i & 1)), 3, 3, 1, 1);
