@@ -116,6 +116,7 @@ fn benchmark(c: &mut Criterion) {
         group.bench_function(format!("render, 4 replicates of 1 sample, {n} lights"), |b| {
             b.iter(|| basis.render(source, 1, &()).expect("is sound"));
         });
+        let halves = basis.halves();
         let aovs = aov::trace(&scene);
         let target = Target::resolve("high-key").expect("is built in");
         let objective = Objective::new(&target, aovs.width, aovs.height, &aovs.mask).expect("has both");
@@ -123,6 +124,7 @@ fn benchmark(c: &mut Criterion) {
         let fixed = LightingPoint { radiance: vec![1.0; n], size: vec![1.0; n], value: 1.0 };
         let evaluator = Evaluator {
             basis: &basis,
+            halves: &halves,
             objective: &objective,
             variables: &variables,
             fixed: &fixed,

@@ -9,9 +9,9 @@ use plotters::prelude::*;
 use super::relight;
 use crate::{
     audit::{lights::Lighting, write_whole},
-    design::evaluator::{Evaluator, Scratch},
+    design::evaluator::Evaluator,
     files::nearest,
-    objective::{JackknifeEstimate, Term},
+    objective::{JackknifeEstimate, LABELLINGS, Term},
     params::ParamVector,
     photo::Look,
 };
@@ -83,17 +83,17 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let variables = ParamVector { variables: vec![variable.clone()] };
     let evaluator = Evaluator {
         basis: &basis,
+        halves: &basis,
         objective: &objective,
         variables: &variables,
         fixed: &fixed,
         luminance: about.luminance,
         exposure,
     };
-    let mut scratch = Scratch::default();
     let mut rows: Vec<(f64, JackknifeEstimate)> = Vec::new();
     for i in 0..args.steps {
         let u = f64::from(i) / f64::from(args.steps - 1);
-        rows.push((variable.decode(u), evaluator.estimate(&[u], &mut scratch)?));
+        rows.push((variable.decode(u), evaluator.estimate(&[u], LABELLINGS)?));
     }
     let here = *variable.kind.of(&mut fixed);
     write_whole(&args.output, table(&args.variable, &rows))?;

@@ -52,8 +52,8 @@ pub fn reach(
 ) -> Result<Vec<Reach>, ObjectiveError> {
     let n = whole.variables.len() as u32;
     let measure = |evaluator: &Evaluator, points: Vec<Vec<f64>>| {
-        let measured = points.into_par_iter().map_init(Scratch::default, |scratch, u| {
-            let evaluation = evaluator.estimate(&u, scratch)?.evaluation;
+        let measured = points.into_par_iter().map(|u| {
+            let evaluation = evaluator.estimate(&u, 1)?.evaluation;
             Ok((u, evaluation))
         });
         measured.collect::<Result<Vec<_>, ObjectiveError>>()

@@ -15,8 +15,8 @@ use super::{
     Problem, Purpose, Reporter, RunError, Shot,
     attainable::{self, Reach},
     attribute,
-    engine::{Engine, FOCUS_REPLICATES},
-    evaluator::{Evaluator, Scratch},
+    engine::{Engine, REPLICATES},
+    evaluator::Evaluator,
     search::{self, Polished, Trial},
     seed_for,
 };
@@ -25,7 +25,7 @@ use crate::{
     film::exr::ExrImage,
     integrator::RenderError,
     math::hash::hash_words,
-    objective::JackknifeEstimate,
+    objective::{JackknifeEstimate, LABELLINGS},
     optim::{OptimError, StopReason},
     params::ParamVector,
 };
@@ -112,11 +112,20 @@ pub fn optimise(
     let tolerance = problem.options.tolerance;
     let mut own: Option<Engine> = None;
     let (mut round, mut additions) = (0, 0);
+    // Searches left to the present basis: with its first samples, and once they are enough.
+    let mut searches = 0;
     let check = loop {
         let now = own.as_ref().unwrap_or(engine);
         let may_refocus = round < MAX_REFOCUS && !cancelled() && !late();
         let may_add = additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES && !cancelled() && !late();
         let exact = is_exact(&best.estimate, tolerance);
+        if searches == 1 && (exact || !may_add) {
+            let clock = Instant::now();
+            best = search_around(now, &best, &trials, problem, &mut n_evaluations, &cancelled)?;
+            searches = 0;
+            log_time(dir, "refine", clock)?;
+            continue;
+        }
         if exact || !(may_refocus || may_add) {
             let clock = Instant::now();
             let measured = check_at(&best, now.samples(), problem, round, renders, reporter)?;
@@ -142,7 +151,7 @@ pub fn optimise(
         if refocus {
             let lighting = now.lighting(problem.variables, &best.u);
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
-            let least = FOCUS_SAMPLES * FOCUS_REPLICATES as u32;
+            let least = FOCUS_SAMPLES * REPLICATES as u32;
             let samples = if now.is_focused() { now.samples() } else { least };
             round += 1;
             own = None;
@@ -151,6 +160,7 @@ pub fn optimise(
                 other => other?,
             }
             own = Some(fresh);
+            searches = 2;
         } else {
             additions += 1;
             let wanted = f64::from(now.samples()) * lacking(&best.estimate, tolerance);
@@ -161,11 +171,12 @@ pub fn optimise(
         log_time(dir, "basis", clock)?;
         let clock = Instant::now();
         let engine = own.as_ref().unwrap_or(engine);
-        best = if refocus {
-            search_around(engine, &best, &trials, problem, &mut n_evaluations, &cancelled)?
-        } else {
-            refine(engine, &best, problem, &mut n_evaluations, &cancelled)?
+        best = match searches {
+            0 => refine(engine, &best, problem, &mut n_evaluations, &cancelled)?,
+            1 => Polished { estimate: engine.evaluator(problem).estimate(&best.u, LABELLINGS)?, ..best },
+            _ => search_around(engine, &best, &trials, problem, &mut n_evaluations, &cancelled)?,
         };
+        searches = searches.min(1);
         log_time(dir, "refine", clock)?;
     };
     let engine = own.as_ref().unwrap_or(engine);
@@ -195,7 +206,9 @@ fn on_reduced<T>(
     let whole = engine.evaluator(problem);
     match engine.reduced(problem) {
         None => f(&whole, &whole),
-        Some((basis, objective)) => f(&whole, &Evaluator { basis: &basis, objective: &objective, ..whole }),
+        Some((basis, objective)) => {
+            f(&whole, &Evaluator { basis: &basis, halves: &basis, objective: &objective, ..whole })
+        }
     }
 }
 
@@ -251,7 +264,7 @@ fn check_at(
         scene.set_background_value(value as f32, value as f32);
     }
     let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
-    let replicates = FOCUS_REPLICATES as u32;
+    let replicates = REPLICATES as u32;
     let observer = super::Unstoppable(reporter);
     let rows = u64::from(options.work_size.y * replicates);
     let mut shot: Option<Shot> = None;
@@ -306,7 +319,7 @@ fn record(engine: &Engine, best: &Polished, problem: &Problem, dir: &mut RunDir)
     let estimates: Vec<JackknifeEstimate> = best
         .evaluations
         .par_iter()
-        .map_init(Scratch::default, |scratch, (u, _, _)| evaluator.estimate(u, scratch))
+        .map(|(u, _, _)| evaluator.estimate(u, 1))
         .collect::<Result<_, _>>()?;
     let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
     let lines: Vec<Value> = best

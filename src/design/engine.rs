@@ -1,6 +1,6 @@
 //! A transport basis of a scene, planned, rendered and stored for optimisation.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::OnceLock};
 
 use super::{
     Camera, Problem, Purpose, Reporter, RunError, RunOptions, Unstoppable, evaluator::Evaluator, seed_for,
@@ -17,16 +17,16 @@ use crate::{
     transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
 };
 
-/// Replicates, from which errors are estimated.
-const REPLICATES: usize = 4;
+/// Replicates of a basis and of a check, from which errors are estimated.
+pub const REPLICATES: usize = 4;
+/// Those of [`TransportBasis::halves`].
+const HALVES: usize = 2;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
 /// Knots of a basis around what was found: half of them lie within this share of the size found.
 const FOCUS_KNOTS: usize = 16;
 const FOCUS: f64 = 0.35;
-/// Replicates of such a basis and of its check: more than of the first, to tell the error better.
-pub const FOCUS_REPLICATES: usize = 6;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
 const FAINT_LIGHT: f32 = 0.05;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
@@ -58,6 +58,8 @@ struct Focus {
 pub struct Engine {
     plan: Plan,
     basis: TransportBasis,
+    /// See [`TransportBasis::halves`].
+    halves: OnceLock<TransportBasis>,
     focus: Option<Focus>,
     seed: u64,
     /// Where it is stored, and how many samples are there.
@@ -92,7 +94,7 @@ impl Plan {
         // A basis around what is found lies beside the first; one of them is rendered at a time.
         let need = |plan: &Self| {
             let (first, focused) = (plan.layout(scene, options, None), plan.focused_layout(scene, options));
-            let tables = first.table_memory(REPLICATES) + focused.table_memory(FOCUS_REPLICATES);
+            let tables = [&first, &focused].map(|l| l.table_memory(REPLICATES + HALVES)).iter().sum::<u64>();
             tables + first.film_memory().max(focused.film_memory())
         };
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
@@ -185,8 +187,14 @@ impl Engine {
             let key = hash_words(&[scene.fingerprint(), hash_bytes(words.bytes())]);
             (directory.join(format!("{}-{key:016x}.basis", scene.name)), 0)
         });
-        let mut engine =
-            Self { plan, basis: TransportBasis::new(layout.clone(), REPLICATES), focus: None, seed, stored };
+        let mut engine = Self {
+            plan,
+            basis: TransportBasis::new(layout.clone(), REPLICATES),
+            halves: OnceLock::new(),
+            focus: None,
+            seed,
+            stored,
+        };
         if let Some((path, samples)) = &mut engine.stored
             && path.exists()
         {
@@ -249,6 +257,7 @@ impl Engine {
         let renders = left.div_ceil(UNINTERRUPTED) * replicates;
         reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y * renders)));
         self.plan.open(scene, self.focus.as_ref());
+        self.halves.take();
         let source =
             Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
         while left > 0 {
@@ -284,7 +293,8 @@ impl Engine {
         let focus = Focus { lighting, weights };
         Self {
             plan: self.plan.clone(),
-            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), FOCUS_REPLICATES),
+            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), REPLICATES),
+            halves: OnceLock::new(),
             focus: Some(focus),
             seed: hash_words(&[self.seed, u64::from(round) + 1]),
             stored: None,
@@ -301,6 +311,10 @@ impl Engine {
     #[must_use]
     pub fn is_focused(&self) -> bool {
         self.focus.is_some()
+    }
+
+    fn halves(&self) -> &TransportBasis {
+        self.halves.get_or_init(|| self.basis.halves())
     }
 
     /// The seed of its samples.
@@ -326,6 +340,7 @@ impl Engine {
     pub fn evaluator<'a>(&'a self, problem: &'a Problem) -> Evaluator<'a> {
         Evaluator {
             basis: &self.basis,
+            halves: self.halves(),
             objective: problem.objective,
             variables: problem.variables,
             fixed: &self.plan.fixed,
@@ -351,6 +366,6 @@ impl Engine {
             })
             .collect();
         let objective = Objective::new(problem.target, size.x as usize, size.y as usize, &mask).ok()?;
-        Some((self.basis.reduced(REDUCTION), objective))
+        Some((self.halves().reduced(REDUCTION), objective))
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{
     math::display::LuminanceMode,
-    objective::{JackknifeEstimate, Objective, ObjectiveError, Ramp, Smoothing},
+    objective::{JackknifeEstimate, Objective, ObjectiveError, Replicates, Smoothing},
     params::{ParamVector, VariableKind},
     transport::{LightingGradient, LightingPoint, Recombination, Tangents, TransportBasis},
 };
@@ -12,6 +12,9 @@ use crate::{
 pub struct Evaluator<'a> {
     /// Light transport.
     pub basis: &'a TransportBasis,
+    /// The same in fewer replicates, see [`TransportBasis::halves`]: what descends needs no
+    /// error.
+    pub halves: &'a TransportBasis,
     /// What is asked of the picture.
     pub objective: &'a Objective,
     /// What varies.
@@ -51,8 +54,8 @@ impl Evaluator<'_> {
     /// Images of the replicates, encoded for the display: the mean and the means
     /// that leave one out; with their derivatives if wanted.
     fn images(&self, x: &LightingPoint, differentiate: bool, scratch: &mut Scratch) {
-        let n = self.basis.layout().n_pixels();
-        let count = self.basis.n_replicates();
+        let n = self.halves.layout().n_pixels();
+        let count = self.halves.n_replicates();
         for images in [&mut scratch.replicates, &mut scratch.adjoints] {
             images.resize_with(count, Vec::new);
             images.iter_mut().for_each(|i| i.resize(n, 0.0));
@@ -68,12 +71,12 @@ impl Evaluator<'_> {
         scratch.tangents.resize_with(count, Tangents::default);
         let Scratch { replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
-        let r = Recombination::new(self.basis.layout(), x);
+        let r = Recombination::new(self.halves.layout(), x);
         for (i, (y, tangents)) in replicates.iter_mut().zip(tangents).enumerate() {
             if differentiate {
-                self.basis.differentiate(i, &r, y, tangents);
+                self.halves.differentiate(i, &r, y, tangents);
             } else {
-                self.basis.luminance(i, &r, y);
+                self.halves.luminance(i, &r, y);
             }
             for (m, y) in mean.iter_mut().zip(&*y) {
                 *m += share * y;
@@ -117,7 +120,7 @@ impl Evaluator<'_> {
             self.objective.evaluate_jackknife_smooth(&scratch.display[0], &one_out, smoothing, adjoints)?;
         // Back from the display to each replicate: it is part of the mean, and of
         // every mean that leaves out another.
-        let count = self.basis.n_replicates() as f64;
+        let count = self.halves.n_replicates() as f64;
         let rest = 1.0 / (count - 1.0);
         let Scratch { adjoint: common, adjoints, slopes, .. } = &mut *scratch;
         common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
@@ -145,16 +148,20 @@ impl Evaluator<'_> {
         Ok(f.f_q)
     }
 
-    /// f_q at `u`, unsmoothed, freed of noise bias, with its error.
+    /// f_q at `u`, unsmoothed, freed of noise bias, with its error from as many
+    /// labellings of the replicates.
     ///
     /// # Errors
     /// With fewer than two replicates.
-    pub fn estimate(&self, u: &[f64], scratch: &mut Scratch) -> Result<JackknifeEstimate, ObjectiveError> {
-        let x = self.variables.decode(u);
-        self.images(&self.lighting(&x), false, scratch);
-        let mut statistics = scratch.display.iter().map(|l| self.objective.statistics(l, Ramp::Linear));
-        let full = statistics.next().ok_or(ObjectiveError::TooFewReplicates { replicates: 0 })?;
-        let one_out: Vec<_> = statistics.collect();
-        self.objective.jackknife(&full, &one_out, &Smoothing::NONE)
+    pub fn estimate(&self, u: &[f64], labellings: usize) -> Result<JackknifeEstimate, ObjectiveError> {
+        let r = Recombination::new(self.basis.layout(), &self.lighting(&self.variables.decode(u)));
+        let image = |i| {
+            let mut y = vec![0.0; self.basis.layout().n_pixels()];
+            self.basis.luminance(i, &r, &mut y);
+            y
+        };
+        let linear: Vec<Vec<f64>> = (0..self.basis.n_replicates()).map(image).collect();
+        let Self { luminance, exposure, .. } = *self;
+        Replicates { linear: &linear, luminance, exposure }.measure(self.objective, labellings)
     }
 }

@@ -29,7 +29,7 @@ use crate::{
     film::{exr::write_exr, image_file::write_png},
     integrator::{Integrator, Observer, RenderError, aov},
     math::{display::LuminanceMode, hash::hash_words},
-    objective::{Evaluation, JackknifeEstimate, Objective, ObjectiveError, Target, Term},
+    objective::{Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Target, Term},
     optim::{OptimError, StopReason},
     params::{ParamVector, survey, survey::SurveyError},
     sampler::SamplerKind,
@@ -299,7 +299,7 @@ pub fn run(
         };
         let initial = match &engine {
             Some(engine) => {
-                engine.evaluator(&problem).estimate(&variables.start(), &mut evaluator::Scratch::default())?
+                engine.evaluator(&problem).estimate(&variables.start(), LABELLINGS)?
             }
             None => measure(&mut problem, &x0, Purpose::Initial, "measuring the start", reporter)?,
         };

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::evaluator::{Evaluator, Scratch};
 use crate::{
-    objective::{JackknifeEstimate, Smoothing},
+    objective::{JackknifeEstimate, LABELLINGS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
@@ -263,7 +263,7 @@ fn polish(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
     let Descent { u, evaluations, stop, .. } = descend(whole, start, stages, FINE_EVALUATIONS, cancelled)?;
-    let estimate = whole.estimate(&u, &mut Scratch::default()).map_err(|_| OptimError::NothingEvaluated)?;
+    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
     Ok(Polished { u, estimate, evaluations, stop })
 }
 

@@ -3,8 +3,11 @@
 use crate::{
     film::{LightState, Picture, Region, RgbFilm},
     integrator::{Integrator, Observer, RenderError, Sampling},
-    math::{display::LuminanceMode, hash::hash_words},
-    objective::{Evaluation, JackknifeEstimate, Objective, ObjectiveError, Ramp, Smoothing},
+    math::{
+        display::{LuminanceMode, luminance},
+        hash::hash_words,
+    },
+    objective::{Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing},
     sampler::SamplerKind,
     scene::Scene,
 };
@@ -89,9 +92,9 @@ impl Camera {
         let picture = Picture {
             width: pictures[0].width,
             height: pictures[0].height,
-            rgb: mean(&images, None),
+            rgb: mean(&images),
             lights: (0..states.len())
-                .map(|l| mean(&pictures.iter().map(|p| p.lights[l].as_slice()).collect::<Vec<_>>(), None))
+                .map(|l| mean(&pictures.iter().map(|p| p.lights[l].as_slice()).collect::<Vec<_>>()))
                 .collect(),
         };
         Ok(Shot {
@@ -104,13 +107,11 @@ impl Camera {
     }
 }
 
-/// Mean of the pictures, leaving one out.
-fn mean(images: &[&[[f32; 3]]], without: Option<usize>) -> Vec<[f32; 3]> {
-    let kept: Vec<_> =
-        images.iter().enumerate().filter(|(i, _)| Some(*i) != without).map(|(_, p)| p).collect();
-    let n = kept.len() as f64;
+/// Mean of the pictures.
+fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
+    let n = images.len() as f64;
     (0..images[0].len())
-        .map(|p| std::array::from_fn(|c| (kept.iter().map(|i| f64::from(i[p][c])).sum::<f64>() / n) as f32))
+        .map(|p| std::array::from_fn(|c| (images.iter().map(|i| f64::from(i[p][c])).sum::<f64>() / n) as f32))
         .collect()
 }
 
@@ -155,13 +156,10 @@ impl Shot {
     /// # Errors
     /// With fewer than two replicates.
     pub fn measure(&self, objective: &Objective) -> Result<Measurement, ObjectiveError> {
-        let statistics = |rgb: &[[f32; 3]]| {
-            objective.statistics(&self.luminance.encode_image(rgb, self.exposure), Ramp::Linear)
-        };
-        let images: Vec<&[[f32; 3]]> = self.replicates.iter().map(Vec::as_slice).collect();
-        let full = statistics(&self.picture.rgb);
-        let one_out: Vec<_> = (0..images.len()).map(|r| statistics(&mean(&images, Some(r)))).collect();
-        let estimate = objective.jackknife(&full, &one_out, &Smoothing::NONE)?;
-        Ok(Measurement { plain: objective.terms(&full, &Smoothing::NONE), estimate })
+        let linear = |rgb: &Vec<[f32; 3]>| rgb.iter().map(|&c| luminance(c)).collect();
+        let linear: Vec<Vec<f64>> = self.replicates.iter().map(linear).collect();
+        let Self { luminance, exposure, .. } = *self;
+        let estimate = Replicates { linear: &linear, luminance, exposure }.measure(objective, LABELLINGS)?;
+        Ok(Measurement { plain: objective.evaluate(&self.display()), estimate })
     }
 }

@@ -19,8 +19,8 @@ pub struct JackknifeEstimate {
     pub naive: f64,
     /// Delete-one jackknife standard error of f_q.
     pub standard_error: f64,
-    /// Half width of the 95 % interval: Student t with R−1 degrees of freedom times the
-    /// standard error. The full error bar is this plus |`correction`|.
+    /// Half width of the 95 % interval: Student t with R−1 degrees of freedom for every
+    /// labelling times the standard error. The full error bar is this plus |`correction`|.
     pub half_width: f64,
     /// Noise correction `c = f_naive − f_J`.
     pub correction: f64,
@@ -36,16 +36,16 @@ impl JackknifeEstimate {
     }
 }
 
-/// `z_J`, unclipped.
+/// `z_J`, unclipped; with several labellings of the R replicates their mean.
 ///
 /// # Errors
 /// With fewer than two replicates.
-pub fn corrected(full: &Statistics, leave_one_out: &[Statistics]) -> Result<Statistics, ObjectiveError> {
-    let [weight_full, weight_one] = weights(leave_one_out.len())?;
+pub fn corrected(full: &Statistics, labellings: &[Vec<Statistics>]) -> Result<Statistics, ObjectiveError> {
+    let [weight_full, weight_one] = weights(labellings.first().map_or(0, Vec::len))?;
     let mut z = Statistics::ZERO;
     z.add_scaled(weight_full, full);
-    for one in leave_one_out {
-        z.add_scaled(weight_one, one);
+    for one in labellings.iter().flatten() {
+        z.add_scaled(weight_one / labellings.len() as f64, one);
     }
     Ok(z)
 }
@@ -61,7 +61,8 @@ pub(super) fn weights(replicates: usize) -> Result<[f64; 2], ObjectiveError> {
 
 impl Objective {
     /// Bias-corrected f_q with its error, from the statistics of the mean picture and of
-    /// the R ≥ 2 means that leave one replicate out.
+    /// the R ≥ 2 means that leave one replicate out, for every labelling of the replicates
+    /// (see [`super::replicates`]).
     ///
     /// `smoothing` must be that of the statistics: [`Smoothing::NONE`] for what is
     /// reported; then equal replicates give exactly the plain evaluation.
@@ -71,23 +72,27 @@ impl Objective {
     pub fn jackknife(
         &self,
         full: &Statistics,
-        leave_one_out: &[Statistics],
+        labellings: &[Vec<Statistics>],
         smoothing: &Smoothing,
     ) -> Result<JackknifeEstimate, ObjectiveError> {
-        let evaluation = self.terms(&corrected(full, leave_one_out)?, smoothing);
+        let evaluation = self.terms(&corrected(full, labellings)?, smoothing);
         let naive = self.terms(full, smoothing).f_q;
-        let replicates = leave_one_out.len();
+        let replicates = labellings[0].len();
         let r = replicates as f64;
-        let f: Vec<f64> = leave_one_out.iter().map(|z| self.terms(z, smoothing).f_q).collect();
-        let mean = f.iter().sum::<f64>() / r;
-        let spread = f.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>();
-        let standard_error = ((r - 1.0) / r * spread).sqrt(); // [Efron82] eq. 3.1
+        let variance = |leave_one_out: &Vec<Statistics>| {
+            let f: Vec<f64> = leave_one_out.iter().map(|z| self.terms(z, smoothing).f_q).collect();
+            let mean = f.iter().sum::<f64>() / r;
+            let spread = f.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>();
+            (r - 1.0) / r * spread // [Efron82] eq. 3.1
+        };
+        let n = labellings.len();
+        let standard_error = (labellings.iter().map(variance).sum::<f64>() / n as f64).sqrt();
         Ok(JackknifeEstimate {
             correction: naive - evaluation.f_q,
             evaluation,
             naive,
             standard_error,
-            half_width: student_t_95(replicates - 1) * standard_error,
+            half_width: student_t_95((replicates - 1) * n) * standard_error,
             replicates,
         })
     }
@@ -110,6 +115,7 @@ impl Objective {
         let z_full = self.statistics(full, smoothing.ramp);
         let z_one: Vec<Statistics> =
             leave_one_out.iter().map(|l| self.statistics(l, smoothing.ramp)).collect();
+        let z_one = [z_one];
         let z = corrected(&z_full, &z_one)?;
         let Some((out_full, out_one)) = adjoints else {
             return Ok(self.terms(&z, smoothing));
@@ -119,7 +125,7 @@ impl Objective {
         let (evaluation, dz) = self.terms_with_gradient(&z, smoothing);
         out_full.fill(0.0);
         self.add_adjoint(full, &z_full, &dz, weight_full, smoothing.ramp, out_full);
-        for ((l, z), out) in leave_one_out.iter().zip(&z_one).zip(out_one) {
+        for ((l, z), out) in leave_one_out.iter().zip(&z_one[0]).zip(out_one) {
             out.fill(0.0);
             self.add_adjoint(l, z, &dz, weight_one, smoothing.ramp, out);
         }

@@ -17,6 +17,7 @@ pub mod histogram;
 pub mod jackknife;
 mod moments;
 mod region;
+pub mod replicates;
 pub mod signature;
 pub mod smoothing;
 pub mod special;
@@ -33,6 +34,7 @@ use thiserror::Error;
 
 pub use crate::math::display::LuminanceMode;
 pub use jackknife::JackknifeEstimate;
+pub use replicates::{LABELLINGS, Replicates};
 pub use smoothing::{Ramp, Smoothing};
 pub use statistics::Statistics;
 pub use target::Target;

@@ -268,11 +268,11 @@ fn equal_replicates_give_the_plain_evaluation() {
     let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
     let l = &pictures()[0].1;
     let z = objective.statistics(l, Ramp::Linear);
-    let estimate = objective.jackknife(&z, &vec![z.clone(); 4], &Smoothing::NONE).unwrap();
+    let estimate = objective.jackknife(&z, &[vec![z.clone(); 4]], &Smoothing::NONE).unwrap();
     assert!((estimate.evaluation.f_q - objective.evaluate(l).f_q).abs() < 1e-12);
     assert!(estimate.correction.abs() < 1e-12 && estimate.half_width < 1e-12);
     assert!(matches!(
-        objective.jackknife(&z, std::slice::from_ref(&z), &Smoothing::NONE),
+        objective.jackknife(&z, &[vec![z.clone()]], &Smoothing::NONE),
         Err(ObjectiveError::TooFewReplicates { replicates: 1 })
     ));
 }
@@ -282,7 +282,7 @@ fn the_error_bar_is_students_times_the_delete_one_error() {
     let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
     let mut rng = Rng::new(9);
     let z: Vec<Statistics> = (0..4).map(|_| objective.statistics(&rng.image(W * H), Ramp::Linear)).collect();
-    let e = objective.jackknife(&z[0], &z, &Smoothing::NONE).unwrap();
+    let e = objective.jackknife(&z[0], std::slice::from_ref(&z), &Smoothing::NONE).unwrap();
     let f: Vec<f64> = z.iter().map(|z| objective.terms(z, &Smoothing::NONE).f_q).collect();
     let (_, se_of_mean) = mean_and_error(&f);
     // √((R−1)/R Σ(f−f̄)²) = (R−1) · s/√R
@@ -319,7 +319,7 @@ fn noisy_trials(
             };
             let full = statistics(&mean_without(R));
             let ones: Vec<Statistics> = (0..R).map(|r| statistics(&mean_without(r))).collect();
-            let corrected = jackknife::corrected(&full, &ones).unwrap();
+            let corrected = jackknife::corrected(&full, &[ones]).unwrap();
             (full, corrected)
         })
         .collect()

@@ -234,6 +234,31 @@ impl TransportBasis {
         Ok(())
     }
 
+    /// The same samples in two replicates, if there is an even number of them: every other
+    /// one together; without colour.
+    #[must_use]
+    pub fn halves(&self) -> Self {
+        let n = self.n_replicates();
+        if !n.is_multiple_of(2) {
+            return Self { rgb: Vec::new(), ..self.clone() };
+        }
+        let half = |first: usize| {
+            let mut sum = zeros(self.luminance[first].len());
+            sum.par_chunks_mut(1 << 16).enumerate().for_each(|(i, part)| {
+                for table in self.luminance[first..].iter().step_by(2) {
+                    part.iter_mut().zip(&table[i << 16..]).for_each(|(s, v)| *s += v);
+                }
+            });
+            sum
+        };
+        Self {
+            luminance: vec![half(0), half(1)],
+            rgb: Vec::new(),
+            n_samples: self.n_samples * (n / 2) as u32,
+            layout: self.layout.clone(),
+        }
+    }
+
     /// The basis of the picture reduced by averaging blocks of `factor` by `factor`
     /// pixels, which divides its size; without colour.
     #[must_use]

@@ -2,14 +2,11 @@
 
 use glam::Vec3;
 use lightopt_embree::{
-    design::{
-        Camera,
-        evaluator::{Evaluator, Scratch},
-    },
+    design::{Camera, evaluator::Evaluator},
     integrator::{Integrator, IntegratorKind, aov},
     light::SizeDensity,
     math::stats::Moments,
-    objective::{JackknifeEstimate, LuminanceMode, Objective, Target},
+    objective::{JackknifeEstimate, LABELLINGS, LuminanceMode, Objective, Target},
     params::{ParamVector, Scale, Variable, VariableKind},
     sampler::SamplerKind,
     scene::{Scene, material::Model},
@@ -85,8 +82,8 @@ fn truth(scene: &mut Scene, x: &LightingPoint, objective: &Objective, spp: u32) 
 fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &[f64]) -> JackknifeEstimate {
     let fixed = lighting();
     let luminance = LuminanceMode::Srgb;
-    let evaluator = Evaluator { basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
-    evaluator.estimate(u, &mut Scratch::default()).unwrap()
+    let evaluator = Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
+    evaluator.estimate(u, LABELLINGS).unwrap()
 }
 
 #[test]
