@@ -61,9 +61,15 @@ fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
 /// Factor on the samples that would make it so. The variance of scrambled nets falls as the
 /// power −3/2 of their number where the integrand has edges \[He15\], and with it the
 /// correction of f_q.
-fn lacking(e: &JackknifeEstimate, tolerance: f64) -> f64 {
+fn needed(e: &JackknifeEstimate, tolerance: f64) -> f64 {
     let (error, bias) = (e.half_width / tolerance, e.correction.abs() / (2.0 * tolerance));
-    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0)).clamp(1.2, 2.5)
+    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
+}
+
+/// Samples to add to `n`: as many as an estimate needs, but not too many on the word of few.
+fn more(n: u32, e: &JackknifeEstimate, tolerance: f64) -> u32 {
+    let wanted = f64::from(n) * needed(e, tolerance).clamp(1.2, 2.5);
+    (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
 }
 
 /// Finds the lights: searches, adds samples, checks, refocuses.
@@ -114,6 +120,7 @@ pub fn optimise(
     let (mut round, mut additions) = (0, 0);
     // Searches left to the present basis: with its first samples, and once they are enough.
     let mut searches = 0;
+    let mut focus = Vec::new();
     let check = loop {
         let now = own.as_ref().unwrap_or(engine);
         let may_refocus = round < MAX_REFOCUS && !cancelled() && !late();
@@ -147,12 +154,23 @@ pub fn optimise(
         // Few samples that matter are worth more than many that do not.
         // A basis to be kept gets them itself: other looks will need them elsewhere.
         let takes_more = now.is_stored() || now.is_focused();
-        let refocus = may_refocus && (exact || !may_add || !takes_more);
+        // Samples of a basis around where the search has gone, if they are fewer than this one
+        // would still need there.
+        let elsewhere = (!exact && now.is_focused()).then(|| -> Result<_, RunError> {
+            let there = engine_estimate(now, problem, &focus)?;
+            let (fresh, here) = (needed(&there, tolerance), needed(&best.estimate, tolerance));
+            let least = FOCUS_SAMPLES * REPLICATES as u32;
+            Ok((fresh < here - 1.0).then_some(((f64::from(now.samples()) * fresh).ceil() as u32).max(least)))
+        });
+        let elsewhere = elsewhere.transpose()?.flatten();
+        let refocus = may_refocus && (exact || !may_add || !takes_more || elsewhere.is_some());
         if refocus {
             let lighting = now.lighting(problem.variables, &best.u);
             let mut fresh = now.around(lighting, round, problem.scene, problem.options);
             let least = FOCUS_SAMPLES * REPLICATES as u32;
-            let samples = if now.is_focused() { now.samples() } else { least };
+            let samples = if now.is_focused() { elsewhere.unwrap_or(now.samples()) } else { least };
+            searches = if now.is_focused() { searches } else { 2 };
+            focus.clone_from(&best.u);
             round += 1;
             own = None;
             match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
@@ -160,11 +178,9 @@ pub fn optimise(
                 other => other?,
             }
             own = Some(fresh);
-            searches = 2;
         } else {
             additions += 1;
-            let wanted = f64::from(now.samples()) * lacking(&best.estimate, tolerance);
-            let more = (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(now.samples());
+            let more = more(now.samples(), &best.estimate, tolerance);
             let engine = own.as_mut().unwrap_or(engine);
             engine.add(more, problem.scene, problem.camera, problem.options, reporter)?;
         }
@@ -173,7 +189,7 @@ pub fn optimise(
         let engine = own.as_ref().unwrap_or(engine);
         best = match searches {
             0 => refine(engine, &best, problem, &mut n_evaluations, &cancelled)?,
-            1 => Polished { estimate: engine.evaluator(problem).estimate(&best.u, LABELLINGS)?, ..best },
+            1 => Polished { estimate: engine_estimate(engine, problem, &best.u)?, ..best },
             _ => search_around(engine, &best, &trials, problem, &mut n_evaluations, &cancelled)?,
         };
         searches = searches.min(1);
@@ -233,6 +249,10 @@ fn search_around(
     Ok(Polished { evaluations, ..found.clone() })
 }
 
+fn engine_estimate(engine: &Engine, problem: &Problem, u: &[f64]) -> Result<JackknifeEstimate, RunError> {
+    Ok(engine.evaluator(problem).estimate(u, LABELLINGS)?)
+}
+
 fn refine(
     engine: &Engine,
     best: &Polished,
@@ -282,8 +302,7 @@ fn check_at(
         if is_exact(&measured, options.tolerance) || now >= MAX_SAMPLES || reporter.cancelled() {
             return Ok(measured);
         }
-        let wanted = f64::from(now) * lacking(&measured, options.tolerance);
-        spp = (wanted.ceil() as u32).min(MAX_SAMPLES) - now;
+        spp = more(now, &measured, options.tolerance);
         shot = Some(all);
     }
 }

@@ -26,27 +26,36 @@ impl Integrator {
     /// Without samples that would only repeat others: all samples of a point are one.
     pub(super) fn useful(&self, scene: &Scene) -> Self {
         let is_points = scene.lights.iter().all(Light::is_delta);
-        let most = if is_points { scene.lights.len().max(1) as u32 } else { self.light_samples };
-        Self { light_samples: self.light_samples.min(most), ..*self }
+        let most = if is_points { scene.lights.len().max(1) as u32 } else { u32::MAX };
+        Self {
+            first_light_samples: self.first_light_samples.min(most),
+            light_samples: self.light_samples.min(most),
+            ..*self
+        }
     }
 
     /// Light samples at the end of a camera subpath of `n_edges` edges: the lens gets one.
     #[must_use]
     pub(super) fn samples_at(&self, n_edges: usize) -> u32 {
-        if n_edges == 0 { 1 } else { self.light_samples }
+        match n_edges {
+            0 => 1,
+            1 => self.first_light_samples,
+            _ => self.light_samples,
+        }
     }
 
-    /// The lights sampled at a vertex, from four dimensions of the sequence.
+    /// The lights sampled at the end of a camera subpath, from four dimensions of the sequence.
     pub(super) fn choose_lights<'a>(
         &self,
         scene: &'a Scene,
         sampler: &mut Sampler,
+        n_edges: usize,
     ) -> impl Iterator<Item = LightChoice> + use<'a> {
         /// The plastic number's inverse: its multiples spread evenly.
         const STEP: f32 = 0.754_877_7;
         let (shift, along) = (sampler.next_1d(), sampler.next_1d());
         let _spare = sampler.next_2d();
-        let n = self.light_samples;
+        let n = self.samples_at(n_edges);
         (0..n).filter_map(move |i| {
             let (id, pmf, rest) = scene.light_sampler.sample((i as f32 + shift) / n as f32)?;
             let u = Vec2::new(rest, (along + i as f32 * STEP).fract());

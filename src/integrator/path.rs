@@ -87,7 +87,7 @@ fn next_event<const N: usize>(
     n_edges: usize,
     recorder: &mut impl Recorder<N>,
 ) {
-    let choices = integrator.choose_lights(scene, connection);
+    let choices = integrator.choose_lights(scene, connection, n_edges);
     if !si.bsdf.has_non_delta() {
         return;
     }

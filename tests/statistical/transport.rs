@@ -16,7 +16,7 @@ use crate::support::{
 };
 
 const PATH: Integrator =
-    Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power, light_samples: 4 };
+    Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power, ..Integrator::default() };
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]

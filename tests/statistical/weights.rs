@@ -79,7 +79,7 @@ fn every_strategy_has_the_same_mean_per_path_length() {
         kind: IntegratorKind::Bdpt,
         max_depth: 4,
         heuristic: Heuristic::Power,
-        light_samples: 4,
+        ..Integrator::default()
     };
     let size = scene.camera.size();
     let n_renders = 48;

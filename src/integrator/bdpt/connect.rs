@@ -33,7 +33,7 @@ impl<const N: usize> Connect<'_, N> {
         recorder: &mut impl Recorder<N>,
     ) {
         let Self { integrator, scene, nodes } = *self;
-        let choices = integrator.choose_lights(scene, connection);
+        let choices = integrator.choose_lights(scene, connection, t - 1);
         let z = &camera[t - 1];
         let Some(si) = z.surface() else { return };
         if !z.connectible() {
@@ -161,7 +161,13 @@ impl<const N: usize> Connect<'_, N> {
                 continue;
             }
             let r_y = f64::from(c.we.to_area(c.dist2, y.abs_cos(c.wi)).0) / y.pdf_fwd;
-            let s_l = h.apply(r_y) * y.mis.close(h, f.pdf_rev.0);
+            let mut mis = y.mis;
+            if s == 2 {
+                // Seen by the camera, y_1 is the first vertex there.
+                let [first, later] = [1, 2].map(|n| f64::from(integrator.samples_at(n)));
+                mis.previous *= h.apply(first / later);
+            }
+            let s_l = h.apply(r_y) * mis.close(h, f.pdf_rev.0);
             let mis_weight = (1.0 / (1.0 + s_l)) as f32;
             recorder.splat(
                 c.raster,

@@ -199,10 +199,11 @@ impl<const N: usize> Walk<N> {
                 light.map_or_else(|| si.p.distance_squared(from.p), |(_, l)| l.distance2(from.p, si.p));
             let mut mis = self.partial(h, dist2);
             if let Some((id, light)) = light {
-                // c_1 on the light side: the density of y_0 as seen from y_1, over its own.
-                let expected = f64::from(integrator.samples_at(1)) * f64::from(scene.light_sampler.pmf(id).0);
+                // c_1 on the light side: the density of y_0 as seen from y_1, a later vertex of the
+                // camera subpath, over its own.
+                let expected = f64::from(integrator.samples_at(2)) * f64::from(scene.light_sampler.pmf(id).0);
                 mis.previous = if light.is_delta() {
-                    h.apply(f64::from(integrator.samples_at(1)))
+                    h.apply(f64::from(integrator.samples_at(2)))
                 } else {
                     let nee = light.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
                     h.apply(expected * f64::from(nee.0) / from.pdf_fwd)
