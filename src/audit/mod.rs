@@ -36,7 +36,7 @@ use crate::{
         atomic::{AtomicWriteError, probe, temporary_of},
         write_atomically,
     },
-    film::exr::{ExrImage, write_exr},
+    film::exr::{ExrImage, write_exr_plain},
 };
 
 /// The file that makes a directory a run directory.
@@ -170,7 +170,7 @@ impl RunDir {
     pub fn log_iterations(&mut self, iterations: &[(Value, ExrImage)]) -> Result<(), AuditError> {
         let first = self.n_iterations;
         iterations.par_iter().enumerate().try_for_each(|(i, (_, picture))| {
-            write_exr(&self.path.join(format!("iter_{:04}.exr", first + i)), picture)
+            write_exr_plain(&self.path.join(format!("iter_{:04}.exr", first + i)), picture)
         })?;
         self.n_iterations += iterations.len();
         let path = self.path.join("iterations.jsonl");

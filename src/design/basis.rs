@@ -34,6 +34,9 @@ use crate::{
 const MAX_REFOCUS: u32 = 4;
 /// First samples of each replicate of a basis around what was found; more are added as needed.
 const FOCUS_SAMPLES: u32 = 2;
+/// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
+/// of all that lie around it.
+const CHECK_SHARE: f64 = 2.0 / 3.0;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
 /// Samples per pixel after which no more are added, of all replicates.
@@ -135,7 +138,8 @@ pub fn optimise(
         }
         if exact || !(may_refocus || may_add) {
             let clock = Instant::now();
-            let measured = check_at(&best, now.samples(), problem, round, renders, reporter)?;
+            let samples = ((f64::from(now.samples()) * CHECK_SHARE) as u32).next_multiple_of(REPLICATES as u32);
+            let measured = check_at(&best, samples, problem, round, renders, reporter)?;
             log_time(dir, "check", clock)?;
             let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
             let allowed = best.estimate.error_bar() + measured.error_bar();
@@ -266,8 +270,8 @@ fn refine(
     Ok(Polished { evaluations, ..refined })
 }
 
-/// Renders what was found with samples that chose nothing: as many as found it, and more if
-/// its error needs them.
+/// Renders what was found with samples that chose nothing: `spp` a pixel, and more if its error
+/// needs them.
 fn check_at(
     best: &Polished,
     mut spp: u32,

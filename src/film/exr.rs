@@ -4,7 +4,7 @@
 //! further parts carry `luminance` (`l`), `mask` (`mask`), light groups and auxiliary
 //! channels. Part 0 has one custom attribute, `lightopt`, a JSON text with sorted keys:
 //! the `exr` crate keeps custom attributes in a hash map and would write several in random
-//! order. Compression is lossless (ZIP), so a picture reads back bit for bit, and equal
+//! order. Compression is lossless (ZIP) or none, so a picture reads back bit for bit, and equal
 //! pictures make equal files.
 //!
 //! Reading also takes files of other programs: half, float and integer samples, layers
@@ -143,6 +143,19 @@ impl ExrImage {
 /// # Errors
 /// When names, sizes or the destination are not possible.
 pub fn write_exr(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
+    write_encoded(path, image, Encoding::SMALL_LOSSLESS)
+}
+
+/// As [`write_exr`] without compression: much sooner done, and a quarter larger, for noisy
+/// floats hardly compress.
+///
+/// # Errors
+/// As [`write_exr`].
+pub fn write_exr_plain(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
+    write_encoded(path, image, Encoding::UNCOMPRESSED)
+}
+
+fn write_encoded(path: &Path, image: &ExrImage, encoding: Encoding) -> Result<(), ExrError> {
     check(path, image)?;
     let size = Vec2(image.width, image.height);
     let text = |kind, name: &str| {
@@ -164,7 +177,7 @@ pub fn write_exr(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
             channels.push(AnyChannel::new(text("channel", name)?, FlatSamples::F32(samples.clone())));
         }
         let channels = AnyChannels::sort(channels.into());
-        layers.push(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+        layers.push(Layer::new(size, attributes, encoding, channels));
     }
     let exr =
         Image { attributes: ImageAttributes::new(IntegerBounds::from_dimensions(size)), layer_data: layers };

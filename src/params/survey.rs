@@ -115,17 +115,21 @@ pub fn value_range(scene: &Scene) -> Option<[f32; 2]> {
 /// The gain at which the mean display luminance of `y`, weighted by `weight`
 /// of each value, is `target`; by bisection in the exponent.
 fn gain_for(
-    y: impl Iterator<Item = f64> + Clone,
+    y: &[f64],
     weight: impl Fn(f64) -> f64,
     target: f64,
     exposure: f64,
     mode: LuminanceMode,
 ) -> f64 {
-    let total: f64 = y.clone().map(&weight).sum();
-    let display =
-        |gain: f64| y.clone().map(|y| weight(y) * mode.encode(y * gain, exposure)).sum::<f64>() / total;
+    let weights: Vec<f64> = y.iter().map(|&y| weight(y)).collect();
+    let total: f64 = weights.iter().sum();
+    let (mut shown, mut slopes) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    let mut display = |gain: f64| {
+        mode.encode_all(y, exposure * gain, &mut shown, &mut slopes);
+        weights.iter().zip(&shown).map(|(w, l)| w * l).sum::<f64>() / total
+    };
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
-    for _ in 0..80 {
+    for _ in 0..48 {
         let mid = 0.5 * (lo + hi);
         if display(mid.exp2()) < target {
             lo = mid;
@@ -152,7 +156,7 @@ impl Alike {
         let alike: Vec<f64> = (0..unit.rgb.len())
             .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
             .collect();
-        let gain = gain_for(alike.iter().copied(), |_| 1.0, START, f64::from(scene.exposure), mode);
+        let gain = gain_for(&alike, |_| 1.0, START, f64::from(scene.exposure), mode);
         Self { images, means, gain }
     }
 }
@@ -185,7 +189,7 @@ pub fn variables(
             continue;
         }
         if free.contains(FreeKind::Radiance) && limits.radiance_free {
-            let found = HEADROOM * gain_for(images[i].iter().copied(), |y| y, BRIGHT, e, mode);
+            let found = HEADROOM * gain_for(&images[i], |y| y, BRIGHT, e, mode);
             let upper = limits.radiance_max.map_or(found, f64::from);
             variables.push(Variable {
                 name: format!("{}.radiance", light.name),
@@ -249,10 +253,12 @@ pub fn starts(
     {
         let total: Vec<f64> =
             (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();
-        let of = |main: bool| total.iter().zip(mask).filter(move |(_, m)| **m == main).map(|(y, _)| *y);
-        let gain = gain_for(of(true), |_| 1.0, t_object, e, mode);
+        let of = |main: bool| -> Vec<f64> {
+            total.iter().zip(mask).filter(|(_, m)| **m == main).map(|(y, _)| *y).collect()
+        };
+        let gain = gain_for(&of(true), |_| 1.0, t_object, e, mode);
         // The background's luminance is about proportional to its value.
-        let value = gain_for(of(false), |_| 1.0, t_background, e, mode) / gain;
+        let value = gain_for(&of(false), |_| 1.0, t_background, e, mode) / gain;
         let u = variables
             .variables
             .iter()
