@@ -33,7 +33,7 @@ use crate::{
 /// Times the basis is rendered anew around what was found.
 const MAX_REFOCUS: u32 = 4;
 /// First samples of each replicate of a basis around what was found; more are added as needed.
-const FOCUS_SAMPLES: u32 = 2;
+const FOCUS_SAMPLES: u32 = 4;
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
 /// of all that lie around it.
 const CHECK_SHARE: f64 = 2.0 / 3.0;
@@ -73,6 +73,77 @@ fn needed(e: &JackknifeEstimate, tolerance: f64) -> f64 {
 fn more(n: u32, e: &JackknifeEstimate, tolerance: f64) -> u32 {
     let wanted = f64::from(n) * needed(e, tolerance).clamp(1.2, 2.5);
     (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
+}
+
+/// What to do next.
+enum Step {
+    /// Render a basis around the best point, of so many samples.
+    Refocus(u32),
+    /// Add so many samples to the present one.
+    Add(u32),
+    /// Search the present basis once more, now that its samples are enough.
+    Search,
+    /// Check the best point.
+    Check,
+}
+
+/// How far the search around the best point has come: it looks far with the first samples of a
+/// basis and again when there are enough, and after that only goes on downhill.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Search {
+    Due,
+    Began,
+    Done,
+}
+
+/// How far an optimisation has come.
+struct Progress {
+    /// What the present basis is made around.
+    focus: Vec<f64>,
+    /// Bases rendered around a point.
+    round: u32,
+    /// Times that samples were added.
+    additions: u32,
+    search: Search,
+}
+
+impl Progress {
+    fn next(
+        &self,
+        now: &Engine,
+        best: &Polished,
+        problem: &Problem,
+        may_go_on: bool,
+    ) -> Result<Step, RunError> {
+        let least = FOCUS_SAMPLES * REPLICATES as u32;
+        let may_refocus = may_go_on && self.round < MAX_REFOCUS;
+        let may_add = may_go_on && self.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
+        // Few samples that matter are worth more than many that do not.
+        // A basis to be kept gets them itself: other looks will need them elsewhere.
+        if may_refocus && !now.is_focused() && !now.is_stored() {
+            return Ok(Step::Refocus(least));
+        }
+        let tolerance = problem.options.tolerance;
+        let exact = is_exact(&best.estimate, tolerance);
+        if exact || !may_add {
+            let is_searched = self.search != Search::Due || !now.is_focused();
+            return Ok(match (is_searched, exact || !may_refocus) {
+                (false, _) => Step::Search,
+                (true, true) => Step::Check,
+                (true, false) => Step::Refocus(now.samples()),
+            });
+        }
+        if may_refocus && now.is_focused() {
+            // Where the search has gone, a new basis may need fewer samples than this one lacks.
+            let at_focus = now.evaluator(problem).estimate(&self.focus, LABELLINGS)?;
+            let fresh = needed(&at_focus, tolerance);
+            if fresh < needed(&best.estimate, tolerance) - 1.0 {
+                let samples = (f64::from(now.samples()) * fresh).ceil() as u32;
+                return Ok(Step::Refocus(samples.max(least)));
+            }
+        }
+        Ok(Step::Add(more(now.samples(), &best.estimate, tolerance)))
+    }
 }
 
 /// Finds the lights: searches, adds samples, checks, refocuses.
@@ -118,28 +189,15 @@ pub fn optimise(
         best.estimate.error_bar()
     ));
 
-    let tolerance = problem.options.tolerance;
     let mut own: Option<Engine> = None;
-    let (mut round, mut additions) = (0, 0);
-    // Searches left to the present basis: with its first samples, and once they are enough.
-    let mut searches = 0;
-    let mut focus = Vec::new();
+    let mut progress = Progress { focus: Vec::new(), round: 0, additions: 0, search: Search::Due };
     let check = loop {
         let now = own.as_ref().unwrap_or(engine);
-        let may_refocus = round < MAX_REFOCUS && !cancelled() && !late();
-        let may_add = additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES && !cancelled() && !late();
-        let exact = is_exact(&best.estimate, tolerance);
-        if searches == 1 && (exact || !may_add) {
+        let may_go_on = !cancelled() && !late();
+        let mut step = progress.next(now, &best, problem, may_go_on)?;
+        if let Step::Check = step {
             let clock = Instant::now();
-            best = search_around(now, &best, &trials, problem, &mut n_evaluations, &cancelled)?;
-            searches = 0;
-            log_time(dir, "refine", clock)?;
-            continue;
-        }
-        if exact || !(may_refocus || may_add) {
-            let clock = Instant::now();
-            let samples = ((f64::from(now.samples()) * CHECK_SHARE) as u32).next_multiple_of(REPLICATES as u32);
-            let measured = check_at(&best, samples, problem, round, renders, reporter)?;
+            let measured = check_at(&best, now.samples(), problem, progress.round, renders, reporter)?;
             log_time(dir, "check", clock)?;
             let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
             let allowed = best.estimate.error_bar() + measured.error_bar();
@@ -149,54 +207,51 @@ pub fn optimise(
                 best.estimate.error_bar(),
                 measured.error_bar()
             ));
-            if (f - checked).abs() <= allowed || !may_refocus {
+            if (f - checked).abs() <= allowed || !may_go_on || progress.round == MAX_REFOCUS {
                 break measured;
             }
             reporter.note("they disagree: rendering the basis anew around the lights found");
+            step = Step::Refocus(now.samples());
         }
         let clock = Instant::now();
-        // Few samples that matter are worth more than many that do not.
-        // A basis to be kept gets them itself: other looks will need them elsewhere.
-        let takes_more = now.is_stored() || now.is_focused();
-        // Samples of a basis around where the search has gone, if they are fewer than this one
-        // would still need there.
-        let elsewhere = (!exact && now.is_focused()).then(|| -> Result<_, RunError> {
-            let there = engine_estimate(now, problem, &focus)?;
-            let (fresh, here) = (needed(&there, tolerance), needed(&best.estimate, tolerance));
-            let least = FOCUS_SAMPLES * REPLICATES as u32;
-            Ok((fresh < here - 1.0).then_some(((f64::from(now.samples()) * fresh).ceil() as u32).max(least)))
-        });
-        let elsewhere = elsewhere.transpose()?.flatten();
-        let refocus = may_refocus && (exact || !may_add || !takes_more || elsewhere.is_some());
-        if refocus {
-            let lighting = now.lighting(problem.variables, &best.u);
-            let mut fresh = now.around(lighting, round, problem.scene, problem.options);
-            let least = FOCUS_SAMPLES * REPLICATES as u32;
-            let samples = if now.is_focused() { elsewhere.unwrap_or(now.samples()) } else { least };
-            searches = if now.is_focused() { searches } else { 2 };
-            focus.clone_from(&best.u);
-            round += 1;
-            own = None;
-            match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
-                Err(RunError::Render(RenderError::Cancelled)) => continue,
-                other => other?,
+        match step {
+            Step::Refocus(samples) => {
+                let lighting = now.lighting(problem.variables, &best.u);
+                let mut fresh = now.around(lighting, progress.round, problem.scene, problem.options);
+                progress.round += 1;
+                progress.focus.clone_from(&best.u);
+                own = None;
+                match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
+                    Err(RunError::Render(RenderError::Cancelled)) => continue,
+                    other => other?,
+                }
+                own = Some(fresh);
             }
-            own = Some(fresh);
-        } else {
-            additions += 1;
-            let more = more(now.samples(), &best.estimate, tolerance);
-            let engine = own.as_mut().unwrap_or(engine);
-            engine.add(more, problem.scene, problem.camera, problem.options, reporter)?;
+            Step::Add(samples) => {
+                progress.additions += 1;
+                let engine = own.as_mut().unwrap_or(engine);
+                engine.add(samples, problem.scene, problem.camera, problem.options, reporter)?;
+            }
+            Step::Search | Step::Check => {}
         }
-        log_time(dir, "basis", clock)?;
+        if matches!(step, Step::Refocus(_) | Step::Add(_)) {
+            log_time(dir, "basis", clock)?;
+        }
         let clock = Instant::now();
-        let engine = own.as_ref().unwrap_or(engine);
-        best = match searches {
-            0 => refine(engine, &best, problem, &mut n_evaluations, &cancelled)?,
-            1 => Polished { estimate: engine_estimate(engine, problem, &best.u)?, ..best },
-            _ => search_around(engine, &best, &trials, problem, &mut n_evaluations, &cancelled)?,
+        let now = own.as_ref().unwrap_or(engine);
+        best = match (&step, progress.search) {
+            (Step::Search, _) | (Step::Refocus(_), Search::Due) => {
+                search_around(now, &best, &trials, problem, &mut n_evaluations, &cancelled)?
+            }
+            (_, Search::Done) => refine(now, &best, problem, &mut n_evaluations, &cancelled)?,
+            _ => Polished { estimate: now.evaluator(problem).estimate(&best.u, LABELLINGS)?, ..best },
         };
-        searches = searches.min(1);
+        progress.search = match step {
+            Step::Search => Search::Done,
+            Step::Add(_) if progress.search == Search::Began => Search::Due,
+            Step::Refocus(_) if progress.search == Search::Due => Search::Began,
+            _ => progress.search,
+        };
         log_time(dir, "refine", clock)?;
     };
     let engine = own.as_ref().unwrap_or(engine);
@@ -253,10 +308,6 @@ fn search_around(
     Ok(Polished { evaluations, ..found.clone() })
 }
 
-fn engine_estimate(engine: &Engine, problem: &Problem, u: &[f64]) -> Result<JackknifeEstimate, RunError> {
-    Ok(engine.evaluator(problem).estimate(u, LABELLINGS)?)
-}
-
 fn refine(
     engine: &Engine,
     best: &Polished,
@@ -270,11 +321,11 @@ fn refine(
     Ok(Polished { evaluations, ..refined })
 }
 
-/// Renders what was found with samples that chose nothing: `spp` a pixel, and more if its error
-/// needs them.
+/// Renders what was found with samples that chose nothing: a share of the samples that found
+/// it, and more if its error needs them.
 fn check_at(
     best: &Polished,
-    mut spp: u32,
+    found_with: u32,
     problem: &mut Problem,
     round: u32,
     renders: &mut u64,
@@ -289,6 +340,7 @@ fn check_at(
     }
     let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
     let replicates = REPLICATES as u32;
+    let mut spp = ((f64::from(found_with) * CHECK_SHARE) as u32).next_multiple_of(replicates);
     let observer = super::Unstoppable(reporter);
     let rows = u64::from(options.work_size.y * replicates);
     let mut shot: Option<Shot> = None;

@@ -2,7 +2,10 @@
 
 use crate::{
     math::display::LuminanceMode,
-    objective::{JackknifeEstimate, Objective, ObjectiveError, Replicates, Smoothing},
+    objective::{
+        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing, Statistics,
+    },
+    optim::Moduli,
     params::{ParamVector, VariableKind},
     transport::{LightingGradient, LightingPoint, Recombination, Tangents, TransportBasis},
 };
@@ -107,22 +110,68 @@ impl Evaluator<'_> {
         gradient: Option<&mut [f64]>,
         scratch: &mut Scratch,
     ) -> Result<f64, ObjectiveError> {
+        let z = self.measure(u, smoothing, gradient.is_some(), scratch)?;
+        let (evaluation, dz) = self.objective.terms_with_gradient(&z.corrected, smoothing);
+        if let Some(gradient) = gradient {
+            self.pull_back(u, &z, &dz, smoothing, scratch, gradient)?;
+        }
+        Ok(evaluation.f_q)
+    }
+
+    /// As [`Self::evaluate`], but the terms before their moduli are taken, into `out`.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    pub fn residuals(
+        &self,
+        u: &[f64],
+        smoothing: &Smoothing,
+        out: &mut Moduli,
+        scratch: &mut Scratch,
+    ) -> Result<(), ObjectiveError> {
+        let z = self.measure(u, smoothing, true, scratch)?;
+        let Residuals { scalars, hist } = self.objective.residuals(&z.corrected, smoothing);
+        out.rest = hist.value;
+        self.pull_back(u, &z, &hist.by_statistics, smoothing, scratch, &mut out.rest_gradient)?;
+        for (i, residual) in scalars.iter().enumerate() {
+            out.residuals[i] = residual.value;
+            self.pull_back(u, &z, &residual.by_statistics, smoothing, scratch, out.gradient_of(i))?;
+        }
+        Ok(())
+    }
+
+    fn measure(
+        &self,
+        u: &[f64],
+        smoothing: &Smoothing,
+        differentiate: bool,
+        scratch: &mut Scratch,
+    ) -> Result<Jackknifed, ObjectiveError> {
         let x = self.variables.decode(u);
-        self.images(&self.lighting(&x), gradient.is_some(), scratch);
+        self.images(&self.lighting(&x), differentiate, scratch);
         let one_out: Vec<&[f64]> = scratch.display[1..].iter().map(Vec::as_slice).collect();
-        let Some(gradient) = gradient else {
-            let f =
-                self.objective.evaluate_jackknife_smooth(&scratch.display[0], &one_out, smoothing, None)?;
-            return Ok(f.f_q);
-        };
-        let adjoints = Some((scratch.adjoint.as_mut_slice(), scratch.adjoints.as_mut_slice()));
-        let f =
-            self.objective.evaluate_jackknife_smooth(&scratch.display[0], &one_out, smoothing, adjoints)?;
+        self.objective.jackknifed(&scratch.display[0], &one_out, smoothing.ramp)
+    }
+
+    /// Carries a gradient `dz` in the statistics `z` of the images in `scratch` back to the
+    /// variables.
+    fn pull_back(
+        &self,
+        u: &[f64],
+        z: &Jackknifed,
+        dz: &Statistics,
+        smoothing: &Smoothing,
+        scratch: &mut Scratch,
+        gradient: &mut [f64],
+    ) -> Result<(), ObjectiveError> {
+        let Scratch { display, slopes, adjoint: common, adjoints, tangents, .. } = scratch;
+        let one_out: Vec<&[f64]> = display[1..].iter().map(Vec::as_slice).collect();
+        let out = (common.as_mut_slice(), adjoints.as_mut_slice());
+        self.objective.adjoints((&display[0], &one_out), z, dz, smoothing.ramp, out)?;
         // Back from the display to each replicate: it is part of the mean, and of
         // every mean that leaves out another.
         let count = self.halves.n_replicates() as f64;
         let rest = 1.0 / (count - 1.0);
-        let Scratch { adjoint: common, adjoints, slopes, .. } = &mut *scratch;
         common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
         for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
             for ((a, s), all) in adjoint.iter_mut().zip(slopes).zip(common.iter_mut()) {
@@ -133,8 +182,8 @@ impl Evaluator<'_> {
         for adjoint in &mut *adjoints {
             adjoint.iter_mut().zip(&*common).for_each(|(a, all)| *a = all - *a);
         }
-        let mut by_lighting = LightingGradient::zero(self.basis.layout().lights.len());
-        for (tangents, adjoint) in scratch.tangents.iter().zip(&scratch.adjoints) {
+        let mut by_lighting = LightingGradient::zero(self.halves.layout().lights.len());
+        for (tangents, adjoint) in tangents.iter().zip(&*adjoints) {
             tangents.pull_back(adjoint, &mut by_lighting);
         }
         for ((v, &u), g) in self.variables.variables.iter().zip(u).zip(gradient) {
@@ -145,7 +194,7 @@ impl Evaluator<'_> {
             };
             *g = slope * v.slope(u);
         }
-        Ok(f.f_q)
+        Ok(())
     }
 
     /// f_q at `u`, unsmoothed, freed of noise bias, with its error from as many

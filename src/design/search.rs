@@ -21,6 +21,7 @@ const APART: f64 = 0.2;
 /// Evaluations of a descent on the reduced picture and of each stage on the whole one.
 const COARSE_EVALUATIONS: u32 = 40;
 const FINE_EVALUATIONS: u32 = 40;
+const SETTLE_EVALUATIONS: u32 = 30;
 
 /// Evaluations of a search over the whole box.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
@@ -52,7 +53,7 @@ pub struct Polished {
 }
 
 /// Smoothing and the largest component of the first trial step of the stages.
-const STAGES: [(f64, f64); 3] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02), (Smoothing::DELTA_LAST, 0.005)];
+const STAGES: [(f64, f64); 2] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02)];
 
 /// Where a search looks, and how hard.
 #[derive(Clone, Debug)]
@@ -262,9 +263,35 @@ fn polish(
     stages: &[(f64, f64)],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    let Descent { u, evaluations, stop, .. } = descend(whole, start, stages, FINE_EVALUATIONS, cancelled)?;
+    let descent = descend(whole, start, stages, FINE_EVALUATIONS, cancelled)?;
+    let Descent { u, evaluations, stop, .. } = settle(whole, descent, cancelled)?;
     let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
     Ok(Polished { u, estimate, evaluations, stop })
+}
+
+/// Goes on from where a descent ended, into the kinks of the terms' moduli and along them.
+fn settle(
+    whole: &Evaluator,
+    descent: Descent,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Descent, OptimError> {
+    let mut out = descent;
+    let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+    let weights = whole.objective.scalar_weights();
+    let mut scratch = Scratch::default();
+    let log = &mut out.evaluations;
+    let outcome = optim::minimize_moduli(&out.u, &weights, 1e-5, SETTLE_EVALUATIONS, |u, moduli| {
+        if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
+            return ControlFlow::Break(Interrupt);
+        }
+        log.push((u.to_vec(), moduli.value(&weights), moduli.slope(&weights)));
+        ControlFlow::Continue(())
+    });
+    match outcome {
+        Ok(outcome) => Ok(Descent { u: outcome.x, best: outcome.f, stop: outcome.stop, ..out }),
+        Err(OptimError::NothingEvaluated) => Ok(Descent { stop: StopReason::Interrupted, ..out }),
+        Err(e) => Err(e),
+    }
 }
 
 /// Evaluations on the whole picture.

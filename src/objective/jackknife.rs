@@ -8,7 +8,7 @@
 //! \[Efron82\] ch. 2 (bias, eq. 2.8) and ch. 3 (standard error, eq. 3.1).
 
 use super::special::student_t_95;
-use super::{Evaluation, Objective, ObjectiveError, Smoothing, Statistics};
+use super::{Evaluation, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
 
 /// f_q estimated from R replicates.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +59,17 @@ pub(super) fn weights(replicates: usize) -> Result<[f64; 2], ObjectiveError> {
     Ok([r, -(r - 1.0) / r])
 }
 
+/// Statistics of replicates as the optimiser uses them.
+#[derive(Clone, Debug)]
+pub struct Jackknifed {
+    /// Of the mean picture.
+    full: Statistics,
+    /// Of the means that leave one out.
+    one_out: Vec<Statistics>,
+    /// z_J.
+    pub corrected: Statistics,
+}
+
 impl Objective {
     /// Bias-corrected f_q with its error, from the statistics of the mean picture and of
     /// the R ≥ 2 means that leave one replicate out, for every labelling of the replicates
@@ -97,38 +108,51 @@ impl Objective {
         })
     }
 
-    /// Smoothed f_q of the bias-corrected statistics, with its adjoints: `∂f/∂l(Ȳ)` and
-    /// every `∂f/∂l(Ȳ₋ᵣ)` (overwritten; as many as pictures, each of the picture's size).
+    /// Statistics of the mean picture and of the means that leave one replicate out.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    ///
+    /// # Panics
+    /// When a picture has another size than the objective.
+    pub fn jackknifed(
+        &self,
+        full: &[f64],
+        leave_one_out: &[&[f64]],
+        ramp: Ramp,
+    ) -> Result<Jackknifed, ObjectiveError> {
+        let full = self.statistics(full, ramp);
+        let labelling = [leave_one_out.iter().map(|l| self.statistics(l, ramp)).collect::<Vec<_>>()];
+        let corrected = corrected(&full, &labelling)?;
+        let [one_out] = labelling;
+        Ok(Jackknifed { full, one_out, corrected })
+    }
+
+    /// Carries a gradient `dz` in the bias-corrected statistics back to the pictures: to the
+    /// mean and to those that leave one out (adjoints are overwritten; each has the picture's
+    /// size).
     ///
     /// # Errors
     /// With fewer than two replicates.
     ///
     /// # Panics
     /// When a picture or adjoint has another size than the objective.
-    pub fn evaluate_jackknife_smooth(
+    pub fn adjoints(
         &self,
-        full: &[f64],
-        leave_one_out: &[&[f64]],
-        smoothing: &Smoothing,
-        adjoints: Option<(&mut [f64], &mut [Vec<f64>])>,
-    ) -> Result<Evaluation, ObjectiveError> {
-        let z_full = self.statistics(full, smoothing.ramp);
-        let z_one: Vec<Statistics> =
-            leave_one_out.iter().map(|l| self.statistics(l, smoothing.ramp)).collect();
-        let z_one = [z_one];
-        let z = corrected(&z_full, &z_one)?;
-        let Some((out_full, out_one)) = adjoints else {
-            return Ok(self.terms(&z, smoothing));
-        };
+        (full, leave_one_out): (&[f64], &[&[f64]]),
+        z: &Jackknifed,
+        dz: &Statistics,
+        ramp: Ramp,
+        (out_full, out_one): (&mut [f64], &mut [Vec<f64>]),
+    ) -> Result<(), ObjectiveError> {
         assert_eq!(out_one.len(), leave_one_out.len(), "one adjoint a replicate");
         let [weight_full, weight_one] = weights(leave_one_out.len())?;
-        let (evaluation, dz) = self.terms_with_gradient(&z, smoothing);
         out_full.fill(0.0);
-        self.add_adjoint(full, &z_full, &dz, weight_full, smoothing.ramp, out_full);
-        for ((l, z), out) in leave_one_out.iter().zip(&z_one[0]).zip(out_one) {
+        self.add_adjoint(full, &z.full, dz, weight_full, ramp, out_full);
+        for ((l, z), out) in leave_one_out.iter().zip(&z.one_out).zip(out_one) {
             out.fill(0.0);
-            self.add_adjoint(l, z, &dz, weight_one, smoothing.ramp, out);
+            self.add_adjoint(l, z, dz, weight_one, ramp, out);
         }
-        Ok(evaluation)
+        Ok(())
     }
 }

@@ -33,7 +33,7 @@ use serde::ser::{SerializeMap, Serializer};
 use thiserror::Error;
 
 pub use crate::math::display::LuminanceMode;
-pub use jackknife::JackknifeEstimate;
+pub use jackknife::{JackknifeEstimate, Jackknifed};
 pub use replicates::{LABELLINGS, Replicates};
 pub use smoothing::{Ramp, Smoothing};
 pub use statistics::Statistics;
@@ -181,6 +181,26 @@ pub enum ObjectiveError {
     },
 }
 
+/// A term before its modulus is taken.
+#[derive(Clone, Debug)]
+pub struct Residual {
+    /// Its weight in f_q.
+    pub weight: f64,
+    /// Normalised, signed.
+    pub value: f64,
+    /// Derivative by the statistics.
+    pub by_statistics: Statistics,
+}
+
+/// The terms before moduli are taken.
+#[derive(Clone, Debug)]
+pub struct Residuals {
+    /// Of the terms of eqs. (2) to (7).
+    pub scalars: [Residual; 5],
+    /// The share of the histogram, eq. (8), which has no modulus.
+    pub hist: Residual,
+}
+
 /// The objective for pictures of one size with one mask.
 #[derive(Clone, Debug)]
 pub struct Objective {
@@ -212,6 +232,12 @@ impl Objective {
         let mut weights = [0.0; 6];
         weights[term as usize] = 1.0;
         Self { weights, ..self.clone() }
+    }
+
+    /// Weights of the five scalar terms.
+    #[must_use]
+    pub fn scalar_weights(&self) -> [f64; 5] {
+        std::array::from_fn(|i| self.weights[i])
     }
 
     /// Number of pixels of a picture.
@@ -312,6 +338,32 @@ impl Objective {
         (Evaluation { f_q, terms }, gradient)
     }
 
+    /// The terms as the moduli that they are: signed residuals of the five scalar terms and
+    /// the histogram's distance, each with its weight and its derivative by the statistics.
+    /// f_q is the distance's share and the sum of `weight · |residual|`.
+    #[must_use]
+    pub fn residuals(&self, z: &Statistics, smoothing: &Smoothing) -> Residuals {
+        let (evaluation, dz) = self.terms_with_gradient(z, smoothing);
+        let scalars = std::array::from_fn(|i| {
+            let TermValue { value, target, weight, .. } = evaluation.terms[i];
+            let norm = target.max(1.0 - target);
+            let slope = match i {
+                0 | 1 => 1.0,
+                2 => smoothing.root(z.var_obj).1,
+                3 => smoothing.root(z.var_back).1,
+                _ => smoothing.root(z.grad2).1,
+            };
+            let slope = slope / norm;
+            Residual { weight, value: (value - target) / norm, by_statistics: Statistics::only(i, slope) }
+        });
+        let hist = evaluation.get(Term::Hist);
+        let by_statistics = Statistics { cumulated: dz.cumulated, ..Statistics::ZERO };
+        Residuals {
+            scalars,
+            hist: Residual { weight: 1.0, value: hist.contribution(), by_statistics },
+        }
+    }
+
     /// Adds `weight · Σ_z dz · ∂z/∂l` to `out`: carries a gradient in the statistics `dz`
     /// back to the picture `l`, whose statistics are `z`.
     ///
@@ -333,7 +385,11 @@ impl Objective {
         let d_mean = [weight * dz.mean_obj, weight * dz.mean_back];
         let d_var = [weight * dz.var_obj, weight * dz.var_back];
         moments::add_adjoint(l, means, regions, d_mean, d_var, out);
-        gradient::add_adjoint(l, regions, weight * dz.grad2, out);
-        histogram::add_adjoint(l, ramp, &dz.cumulated.map(|d| weight * d), out);
+        if dz.grad2 != 0.0 {
+            gradient::add_adjoint(l, regions, weight * dz.grad2, out);
+        }
+        if dz.cumulated.iter().any(|&d| d != 0.0) {
+            histogram::add_adjoint(l, ramp, &dz.cumulated.map(|d| weight * d), out);
+        }
     }
 }

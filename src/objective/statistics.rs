@@ -70,6 +70,13 @@ impl Statistics {
         [self.mean_obj, self.mean_back, root(self.var_obj), root(self.var_back), root(self.grad2)]
     }
 
+    /// A gradient in the scalar statistic `i`, in the order of the terms, alone.
+    pub(super) fn only(i: usize, slope: f64) -> Self {
+        let mut z = Self::ZERO;
+        *[&mut z.mean_obj, &mut z.mean_back, &mut z.var_obj, &mut z.var_back, &mut z.grad2][i] = slope;
+        z
+    }
+
     /// All zero.
     pub(super) const ZERO: Self = Self {
         mean_obj: 0.0,

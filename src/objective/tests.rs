@@ -103,12 +103,16 @@ fn adjoints_of_the_jackknife_agree_with_central_differences() {
         .collect();
     let value = |full: &[f64], ones: &[Vec<f64>]| {
         let ones: Vec<&[f64]> = ones.iter().map(Vec::as_slice).collect();
-        objective.evaluate_jackknife_smooth(full, &ones, &smoothing, None).unwrap().f_q
+        let z = objective.jackknifed(full, &ones, smoothing.ramp).unwrap();
+        objective.terms(&z.corrected, &smoothing).f_q
     };
     let mut d_full = vec![0.0; W * H];
     let mut d_ones = vec![vec![0.0; W * H]; 3];
     let views: Vec<&[f64]> = ones.iter().map(Vec::as_slice).collect();
-    objective.evaluate_jackknife_smooth(&full, &views, &smoothing, Some((&mut d_full, &mut d_ones))).unwrap();
+    let z = objective.jackknifed(&full, &views, smoothing.ramp).unwrap();
+    let (_, dz) = objective.terms_with_gradient(&z.corrected, &smoothing);
+    let out = (d_full.as_mut_slice(), d_ones.as_mut_slice());
+    objective.adjoints((&full, &views), &z, &dz, smoothing.ramp, out).unwrap();
     assert_adjoint("full", &full, &d_full, |l| value(l, &ones));
     for r in 0..3 {
         assert_adjoint("one left out", &ones[r], &d_ones[r], |l| {

@@ -1,20 +1,25 @@
 //! Bounded minimisation of a smooth function.
 //!
-//! [`minimize`] runs NLopt's `LD_LBFGS`, or `GN_DIRECT_L`, and keeps the best point itself, because NLopt often
+//! [`minimize`] runs NLopt's `LD_LBFGS`, or `GN_DIRECT_L`, and [`minimize_moduli`] its
+//! `LD_SLSQP` for sums of moduli; both keep the best point themselves, because NLopt often
 //! ends in a bare `FAILURE` after real progress. Why it ended is a [`StopReason`], which
 //! displays in plain words.
 //!
 //! # References
-//! \[Gablonsky01\] locally biased division of the box; \[Nocedal80\] limited-memory BFGS; NLopt's implementation is Lukšan's, with an active set
-//! for the bounds.
+//! \[Gablonsky01\] locally biased division of the box; \[Nocedal80\] limited-memory BFGS (NLopt's
+//! is Lukšan's, with an active set for the bounds); \[Kraft88\] sequential quadratic programming.
 
 pub mod difference;
+mod moduli;
 mod nlopt;
 
 use std::fmt;
 use std::time::Duration;
 
-pub use self::nlopt::minimize;
+pub use self::{
+    moduli::{Moduli, minimize_moduli},
+    nlopt::minimize,
+};
 
 /// How to search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -20,7 +20,13 @@ use lightopt_embree::{
 use crate::support::{random::Random, scenes};
 
 const PATH: Integrator =
-    Integrator { kind: IntegratorKind::Path, max_depth: 6, heuristic: Heuristic::Power, ..Integrator::default() };
+    Integrator {
+        kind: IntegratorKind::Path,
+        max_depth: 6,
+        heuristic: Heuristic::Power,
+        first_light_samples: 6,
+        light_samples: 3,
+    };
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 const SIZES: [f32; 2] = [0.1, 1.5];
 const LARGEST_VALUE: f32 = 1.2;

@@ -16,7 +16,13 @@ use crate::support::{
 };
 
 const PATH: Integrator =
-    Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power, ..Integrator::default() };
+    Integrator {
+        kind: IntegratorKind::Path,
+        max_depth: 8,
+        heuristic: Heuristic::Power,
+        first_light_samples: 6,
+        light_samples: 3,
+    };
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]

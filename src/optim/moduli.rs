@@ -1,0 +1,245 @@
+//! Sums of moduli: down into the kinks and along them.
+//!
+//! `f(x) = g(x) + Σ w_i |r_i(x)|` has its minima where residuals vanish. There a method for
+//! smooth functions stalls, for no step along its gradient helps. With a bound t_i on every
+//! modulus the problem is smooth,
+//!
+//! ```text
+//! min g(x) + Σ w_i t_i   with  −t_i ≤ r_i(x) ≤ t_i,
+//! ```
+//!
+//! and NLopt's `LD_SLSQP` solves it.
+//!
+//! # References
+//! \[Kraft88\].
+
+use std::cell::RefCell;
+use std::ops::ControlFlow;
+
+use nlopt::{Algorithm, Nlopt, SuccessState, Target};
+
+use super::{Interrupt, OptimError, Outcome, StopReason};
+
+/// Values of g and of every r_i at a point, with their derivatives by the n variables.
+#[derive(Clone, Debug, Default)]
+pub struct Moduli {
+    /// g.
+    pub rest: f64,
+    /// ∂g/∂x.
+    pub rest_gradient: Vec<f64>,
+    /// r.
+    pub residuals: Vec<f64>,
+    /// ∂r_i/∂x, one after the other.
+    jacobian: Vec<f64>,
+}
+
+impl Moduli {
+    fn new(n: usize, m: usize) -> Self {
+        Self {
+            rest: f64::NAN,
+            rest_gradient: vec![f64::NAN; n],
+            residuals: vec![f64::NAN; m],
+            jacobian: vec![f64::NAN; n * m],
+        }
+    }
+
+    /// ∂r_i/∂x.
+    pub fn gradient_of(&mut self, i: usize) -> &mut [f64] {
+        let n = self.rest_gradient.len();
+        &mut self.jacobian[i * n..][..n]
+    }
+
+    /// f.
+    #[must_use]
+    pub fn value(&self, weights: &[f64]) -> f64 {
+        self.rest + weights.iter().zip(&self.residuals).map(|(w, r)| w * r.abs()).sum::<f64>()
+    }
+
+    /// Length of a gradient of f, in which |r| has the slope of r's sign.
+    #[must_use]
+    pub fn slope(&self, weights: &[f64]) -> f64 {
+        let n = self.rest_gradient.len();
+        let by = |j: usize| {
+            let of_moduli = weights.iter().zip(&self.residuals).enumerate();
+            let sum = of_moduli.map(|(i, (w, r))| w * r.signum() * self.jacobian[i * n + j]).sum::<f64>();
+            self.rest_gradient[j] + sum
+        };
+        (0..n).map(|j| by(j).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn is_finite(&self) -> bool {
+        let slopes = self.rest_gradient.iter().chain(&self.jacobian);
+        self.rest.is_finite() && self.residuals.iter().chain(slopes).all(|v| v.is_finite())
+    }
+}
+
+/// Minimises `g(x) + Σ weights[i] |r_i(x)|` over the unit cube from `x0`; `f(x, out)` fills in
+/// all values and derivatives. It stops when a step changes f by less than `f_tolerance`, and
+/// after `max_evaluations`.
+///
+/// # Errors
+/// As [`super::minimize`].
+pub fn minimize_moduli<F>(
+    x0: &[f64],
+    weights: &[f64],
+    f_tolerance: f64,
+    max_evaluations: u32,
+    f: F,
+) -> Result<Outcome, OptimError>
+where
+    F: FnMut(&[f64], &mut Moduli) -> ControlFlow<Interrupt>,
+{
+    let (n, m) = (x0.len(), weights.len());
+    if n == 0 {
+        return Err(OptimError::NoVariables);
+    }
+    let search = RefCell::new(Search {
+        f,
+        weights,
+        max_evaluations,
+        at: Vec::new(),
+        values: Moduli::new(n, m),
+        evaluations: 0,
+        first: f64::NAN,
+        best: None,
+        end: None,
+    });
+    search.borrow_mut().move_to(x0);
+    let mut y: Vec<f64> = x0.to_vec();
+    y.extend(search.borrow().values.residuals.iter().map(|r| r.abs()));
+    let result = {
+        let objective =
+            |y: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().objective(y, gradient);
+        let bounds = |out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>, _: &mut ()| {
+            search.borrow_mut().bounds(out, y, jacobian);
+        };
+        let accepted = |result: nlopt::OptResult, what| match result {
+            Ok(_) => Ok(()),
+            Err(_) => Err(OptimError::Nlopt(what)),
+        };
+        let mut opt = Nlopt::new(Algorithm::Slsqp, n + m, objective, Target::Minimize, ());
+        accepted(opt.set_lower_bounds(&vec![0.0; n + m]), "set the lower bounds")?;
+        let upper: Vec<f64> = (0..n + m).map(|i| if i < n { 1.0 } else { f64::INFINITY }).collect();
+        accepted(opt.set_upper_bounds(&upper), "set the upper bounds")?;
+        accepted(opt.add_inequality_mconstraint(2 * m, bounds, (), &vec![1e-8; 2 * m]), "bound the moduli")?;
+        accepted(opt.set_ftol_abs(f_tolerance), "set f_tol_abs")?;
+        accepted(opt.set_stopval(f64::MIN), "set the stopping value")?;
+        accepted(opt.set_maxeval(2 * max_evaluations), "set the evaluations")?;
+        opt.optimize(&mut y)
+    };
+    let search = search.into_inner();
+    let forced = match search.end {
+        Some(End::Error(error)) => return Err(error),
+        Some(End::Stop(stop)) => Some(stop),
+        None => None,
+    };
+    let (x, f) = search.best.ok_or(OptimError::NothingEvaluated)?;
+    let stop = forced.unwrap_or(match result {
+        Ok((SuccessState::XtolReached, _)) => StopReason::XTolerance,
+        Ok((SuccessState::MaxEvalReached, _)) => StopReason::Evaluations,
+        Ok(_) => StopReason::FTolerance,
+        Err(_) if f < search.first => StopReason::LineSearch,
+        Err(_) => StopReason::NoProgress,
+    });
+    Ok(Outcome { x, f, evaluations: search.evaluations, stop })
+}
+
+/// Why no further evaluation is made.
+enum End {
+    Stop(StopReason),
+    Error(OptimError),
+}
+
+struct Search<'a, F> {
+    f: F,
+    weights: &'a [f64],
+    max_evaluations: u32,
+    /// Where `values` were taken.
+    at: Vec<f64>,
+    values: Moduli,
+    evaluations: u32,
+    first: f64,
+    best: Option<(Vec<f64>, f64)>,
+    end: Option<End>,
+}
+
+impl<F> Search<'_, F>
+where
+    F: FnMut(&[f64], &mut Moduli) -> ControlFlow<Interrupt>,
+{
+    /// Evaluates at `x`, unless that is where it was last. Once `end` is set it does nothing.
+    fn move_to(&mut self, x: &[f64]) {
+        if self.end.is_some() || self.at == x {
+            return;
+        }
+        if self.evaluations >= self.max_evaluations {
+            self.end = Some(End::Stop(StopReason::Evaluations));
+            return;
+        }
+        let inside: Vec<f64> = x.iter().map(|v| v.clamp(0.0, 1.0)).collect();
+        if (self.f)(&inside, &mut self.values).is_break() {
+            self.end = Some(End::Stop(StopReason::Interrupted));
+            return;
+        }
+        self.evaluations += 1;
+        self.at = x.to_vec();
+        let value = self.values.value(self.weights);
+        if !self.values.is_finite() {
+            let evaluation = self.evaluations;
+            self.end = Some(End::Error(OptimError::NotFinite { evaluation, component: None, value, x: inside }));
+            return;
+        }
+        if self.evaluations == 1 {
+            self.first = value;
+        }
+        if self.best.as_ref().is_none_or(|(_, best)| value < *best) {
+            self.best = Some((inside, value));
+        }
+    }
+
+    /// Called by C: must not unwind.
+    fn objective(&mut self, y: &[f64], gradient: Option<&mut [f64]>) -> f64 {
+        let (x, t) = y.split_at(y.len() - self.weights.len());
+        self.move_to(x);
+        let is_over = self.end.is_some();
+        if let Some(gradient) = gradient {
+            let (by_x, by_t) = gradient.split_at_mut(x.len());
+            by_x.copy_from_slice(&self.values.rest_gradient);
+            by_t.copy_from_slice(self.weights);
+            if is_over {
+                gradient.fill(0.0);
+            }
+        }
+        if is_over {
+            return f64::NEG_INFINITY;
+        }
+        self.values.rest + self.weights.iter().zip(t).map(|(w, t)| w * t).sum::<f64>()
+    }
+
+    /// r_i − t_i and −r_i − t_i, wanted below 0. Called by C: must not unwind.
+    fn bounds(&mut self, out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>) {
+        let (x, t) = y.split_at(y.len() - self.weights.len());
+        self.move_to(x);
+        if self.end.is_some() {
+            out.fill(-1.0);
+            if let Some(jacobian) = jacobian {
+                jacobian.fill(0.0);
+            }
+            return;
+        }
+        let n = x.len();
+        for (i, (r, t)) in self.values.residuals.iter().zip(t).enumerate() {
+            out[2 * i] = r - t;
+            out[2 * i + 1] = -r - t;
+        }
+        let Some(jacobian) = jacobian else { return };
+        for (k, row) in jacobian.chunks_exact_mut(y.len()).enumerate() {
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            row.fill(0.0);
+            for (out, d) in row.iter_mut().zip(&self.values.jacobian[k / 2 * n..][..n]) {
+                *out = sign * d;
+            }
+            row[n + k / 2] = -1.0;
+        }
+    }
+}
