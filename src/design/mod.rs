@@ -9,6 +9,7 @@
 
 pub mod attainable;
 mod basis;
+mod coordinates;
 mod engine;
 pub mod evaluator;
 pub mod manifest;

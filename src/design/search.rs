@@ -9,7 +9,10 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use super::evaluator::{Evaluator, Scratch};
+use super::{
+    coordinates::Coordinates,
+    evaluator::{Evaluator, Scratch},
+};
 use crate::{
     objective::{JackknifeEstimate, LABELLINGS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
@@ -72,14 +75,14 @@ impl Within {
     /// The whole unit cube of `n` dimensions.
     #[must_use]
     pub fn everywhere(n: usize) -> Self {
-        Self { center: vec![0.5; n], radius: 0.5, n_points: 1024, n_coarse: 32, n_fine: 8 }
+        Self { center: vec![0.5; n], radius: 0.5, n_points: 512, n_coarse: 16, n_fine: 4 }
     }
 
     /// What lies around a point: kinks end a descent early, and beyond one of them
     /// there may be a better end.
     #[must_use]
     pub fn around(u: &[f64]) -> Self {
-        Self { center: u.to_vec(), radius: 0.15, n_points: 128, n_coarse: 16, n_fine: 4 }
+        Self { center: u.to_vec(), radius: 0.15, n_points: 64, n_coarse: 8, n_fine: 2 }
     }
 
     fn point(&self, i: u32, seed: u32) -> Vec<f64> {
@@ -227,13 +230,16 @@ fn descend(
             ..Default::default()
         };
         let log = &mut out.evaluations;
-        let outcome = optim::minimize(&out.u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+        let coordinates = Coordinates::around(&out.u, evaluator.variables);
+        let outcome = optim::minimize(&out.u, &vec![0.0; n], &vec![1.0; n], &options, |y, gradient| {
             if cancelled() {
                 return ControlFlow::Break(Interrupt);
             }
+            let u = &coordinates.to_cube(y);
             let mut g = vec![0.0; n];
             let f = evaluator.evaluate(u, &smoothing, Some(&mut g), &mut scratch).unwrap_or(f64::NAN);
             log.push((u.to_vec(), f, g.iter().map(|g| g * g).sum::<f64>().sqrt()));
+            coordinates.pull_back(y, u, &mut g);
             let steepest = g.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
             let c = *scale.get_or_insert(if steepest > *first_step { first_step / steepest } else { 1.0 });
             for (out, g) in gradient.iter_mut().zip(g) {
@@ -243,7 +249,7 @@ fn descend(
         });
         match outcome {
             Ok(outcome) => {
-                out.u = outcome.x;
+                out.u = coordinates.to_cube(&outcome.x);
                 out.best = outcome.f / scale.unwrap_or(1.0);
                 out.stop = outcome.stop;
             }
@@ -279,16 +285,19 @@ fn settle(
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::default();
+    let coordinates = Coordinates::around(&out.u, whole.variables);
     let log = &mut out.evaluations;
-    let outcome = optim::minimize_moduli(&out.u, &weights, 1e-5, SETTLE_EVALUATIONS, |u, moduli| {
+    let outcome = optim::minimize_moduli(&out.u, &weights, 1e-5, SETTLE_EVALUATIONS, |y, moduli| {
+        let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);
         }
         log.push((u.to_vec(), moduli.value(&weights), moduli.slope(&weights)));
+        moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
         ControlFlow::Continue(())
     });
     match outcome {
-        Ok(outcome) => Ok(Descent { u: outcome.x, best: outcome.f, stop: outcome.stop, ..out }),
+        Ok(outcome) => Ok(Descent { u: coordinates.to_cube(&outcome.x), best: outcome.f, stop: outcome.stop, ..out }),
         Err(OptimError::NothingEvaluated) => Ok(Descent { stop: StopReason::Interrupted, ..out }),
         Err(e) => Err(e),
     }

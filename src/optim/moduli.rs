@@ -49,6 +49,12 @@ impl Moduli {
         &mut self.jacobian[i * n..][..n]
     }
 
+    /// All gradients: of g and of every r_i.
+    pub fn gradients(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        let n = self.rest_gradient.len();
+        std::iter::once(self.rest_gradient.as_mut_slice()).chain(self.jacobian.chunks_exact_mut(n))
+    }
+
     /// f.
     #[must_use]
     pub fn value(&self, weights: &[f64]) -> f64 {
