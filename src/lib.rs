@@ -66,6 +66,8 @@
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
 //! - \[Kolb95\] C. Kolb, D. Mitchell, P. Hanrahan, *A Realistic Camera Model for Computer
 //!   Graphics*, SIGGRAPH 1995.
+//! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
+//!   88-28, 1988.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.

@@ -100,7 +100,7 @@ impl Settings {
         size: UVec2::new(480, 360),
         final_spp: 192,
         work_size: UVec2::new(128, 96),
-        spp: 16,
+        spp: 12,
         tolerance: 0.005,
         compared_size: UVec2::new(64, 48),
         compared_spp: 16,

@@ -85,7 +85,7 @@ pub struct RunArgs {
     pub work_size: Option<UVec2>,
 
     /// Samples per pixel of a working picture; of the transport basis, the first
-    #[arg(long, value_name = "N", default_value = "16", value_parser = parse_spp)]
+    #[arg(long, value_name = "N", default_value = "12", value_parser = parse_spp)]
     pub spp: u32,
 
     /// Samples per pixel of the final picture

@@ -391,11 +391,8 @@ fn start_line(t: &Trial, variables: &ParamVector) -> Value {
 fn record(engine: &Engine, best: &Polished, problem: &Problem, dir: &mut RunDir) -> Result<(), RunError> {
     let Problem { scene, variables, options, aovs, target, objective, .. } = problem;
     let evaluator = engine.evaluator(problem);
-    let estimates: Vec<JackknifeEstimate> = best
-        .evaluations
-        .par_iter()
-        .map(|(u, _, _)| evaluator.estimate(u, 1))
-        .collect::<Result<_, _>>()?;
+    let estimates: Vec<JackknifeEstimate> =
+        best.evaluations.par_iter().map(|(u, _, _)| evaluator.estimate(u, 1)).collect::<Result<_, _>>()?;
     let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
     let lines: Vec<Value> = best
         .evaluations

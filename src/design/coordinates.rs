@@ -39,7 +39,7 @@ impl<'a> Coordinates<'a> {
             let of = &self.variables.variables[pair.radiance];
             let size = self.variables.variables[pair.size].decode(y[pair.size]);
             let radiance = of.decode(y[pair.radiance]) * (pair.origin / size).powi(2);
-            u[pair.radiance] = of.encode(radiance.min(of.upper)).clamp(0.0, 1.0);
+            u[pair.radiance] = if radiance < of.upper { of.encode(radiance) } else { 1.0 };
         }
         u
     }
@@ -58,6 +58,74 @@ impl<'a> Coordinates<'a> {
             let by_radiance = gradient[pair.radiance] / of.slope(u[pair.radiance]);
             gradient[pair.radiance] = by_radiance * ratio * of.slope(y[pair.radiance]);
             gradient[pair.size] -= by_radiance * 2.0 * radiance / s * size.slope(y[pair.size]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::{Scale, Variable};
+
+    fn variables() -> ParamVector {
+        let of = |name: &str, lower, upper, scale, kind| Variable {
+            name: name.into(),
+            unit: "",
+            lower,
+            upper,
+            initial: lower,
+            scale,
+            kind,
+        };
+        ParamVector {
+            variables: vec![
+                of("radiance", 0.0, 50.0, Scale::Perceptual, VariableKind::Radiance(0)),
+                of("size", 0.1, 4.0, Scale::Logarithmic, VariableKind::Size(0)),
+                of("another radiance", 0.0, 9.0, Scale::Perceptual, VariableKind::Radiance(1)),
+                of("value", 0.0, 2.0, Scale::Perceptual, VariableKind::Background),
+            ],
+        }
+    }
+
+    #[test]
+    fn flux_stays_when_size_changes_and_bounds_hold() {
+        let (variables, origin) = (variables(), [0.4, 0.6, 0.3, 0.2]);
+        let c = Coordinates::around(&origin, &variables);
+        let same = c.to_cube(&origin);
+        assert!(same.iter().zip(&origin).all(|(a, b)| (a - b).abs() < 1e-12), "{same:?}");
+        let flux = |u: &[f64]| {
+            let x = variables.decode(u);
+            x[0] * x[1] * x[1]
+        };
+        for size in [0.45, 0.5, 0.9, 1.0] {
+            let u = c.to_cube(&[0.4, size, 0.3, 0.2]);
+            assert!((flux(&u) / flux(&origin) - 1.0).abs() < 1e-9, "{size}");
+            assert_eq!(u[1..], [size, 0.3, 0.2]);
+        }
+        assert_eq!(c.to_cube(&[0.9, 0.0, 0.3, 0.2])[0], 1.0);
+    }
+
+    #[test]
+    fn derivatives_by_the_coordinates_agree_with_central_differences() {
+        let (variables, origin) = (variables(), [0.4, 0.6, 0.3, 0.2]);
+        let c = Coordinates::around(&origin, &variables);
+        // Any smooth function of the cube.
+        let f = |u: &[f64]| u[0] * u[0] * (1.0 + u[1]) + 3.0 * u[1] * u[2] + u[3] * u[0];
+        let slopes =
+            |u: &[f64]| [2.0 * u[0] * (1.0 + u[1]) + u[3], u[0] * u[0] + 3.0 * u[2], 3.0 * u[1], u[0]];
+        for y in [origin, [0.3, 0.7, 0.5, 0.1], [0.02, 0.5, 0.9, 0.4], [0.95, 0.1, 0.5, 0.5]] {
+            let u = c.to_cube(&y);
+            let mut gradient = slopes(&u);
+            c.pull_back(&y, &u, &mut gradient);
+            for i in 0..y.len() {
+                let at = |h: f64| {
+                    let mut y = y;
+                    y[i] += h;
+                    f(&c.to_cube(&y))
+                };
+                let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
+                assert!((gradient[i] - difference).abs() < 1e-6, "{y:?} {i}: {} {difference}", gradient[i]);
+            }
         }
     }
 }

@@ -3,7 +3,8 @@
 use crate::{
     math::display::LuminanceMode,
     objective::{
-        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing, Statistics,
+        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing,
+        Statistics,
     },
     optim::Moduli,
     params::{ParamVector, VariableKind},

@@ -299,9 +299,7 @@ pub fn run(
             target: &job.target,
         };
         let initial = match &engine {
-            Some(engine) => {
-                engine.evaluator(&problem).estimate(&variables.start(), LABELLINGS)?
-            }
+            Some(engine) => engine.evaluator(&problem).estimate(&variables.start(), LABELLINGS)?,
             None => measure(&mut problem, &x0, Purpose::Initial, "measuring the start", reporter)?,
         };
         reporter.note(&format!(

@@ -297,7 +297,9 @@ fn settle(
         ControlFlow::Continue(())
     });
     match outcome {
-        Ok(outcome) => Ok(Descent { u: coordinates.to_cube(&outcome.x), best: outcome.f, stop: outcome.stop, ..out }),
+        Ok(outcome) => {
+            Ok(Descent { u: coordinates.to_cube(&outcome.x), best: outcome.f, stop: outcome.stop, ..out })
+        }
         Err(OptimError::NothingEvaluated) => Ok(Descent { stop: StopReason::Interrupted, ..out }),
         Err(e) => Err(e),
     }

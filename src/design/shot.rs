@@ -7,7 +7,9 @@ use crate::{
         display::{LuminanceMode, luminance},
         hash::hash_words,
     },
-    objective::{Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing},
+    objective::{
+        Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing,
+    },
     sampler::SamplerKind,
     scene::Scene,
 };

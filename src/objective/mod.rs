@@ -358,10 +358,7 @@ impl Objective {
         });
         let hist = evaluation.get(Term::Hist);
         let by_statistics = Statistics { cumulated: dz.cumulated, ..Statistics::ZERO };
-        Residuals {
-            scalars,
-            hist: Residual { weight: 1.0, value: hist.contribution(), by_statistics },
-        }
+        Residuals { scalars, hist: Residual { weight: 1.0, value: hist.contribution(), by_statistics } }
     }
 
     /// Adds `weight · Σ_z dz · ∂z/∂l` to `out`: carries a gradient in the statistics `dz`

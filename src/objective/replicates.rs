@@ -81,3 +81,80 @@ fn shift(labelling: usize, pixel: usize, replicates: usize) -> usize {
         _ => (hash_words(&[labelling as u64, pixel as u64]) % replicates as u64) as usize,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{Rng, disk_mask};
+    use super::*;
+    use crate::math::stats::Moments;
+    use crate::objective::Target;
+
+    const W: usize = 32;
+    const H: usize = 24;
+
+    fn objective() -> Objective {
+        let target = Target::resolve("high-key").unwrap();
+        Objective::new(&target, W, H, &disk_mask(W, H)).unwrap()
+    }
+
+    fn noisy(rng: &mut Rng, replicates: usize, noise: f64) -> Vec<Vec<f64>> {
+        let smooth = |i: usize| 0.3 + 0.2 * ((i % W) as f64 * 0.2).sin() * ((i / W) as f64 * 0.15).cos();
+        (0..replicates)
+            .map(|_| (0..W * H).map(|i| smooth(i) * (1.0 + noise * rng.normal())).collect())
+            .collect()
+    }
+
+    fn measure(linear: &[Vec<f64>], labellings: usize) -> JackknifeEstimate {
+        let replicates = Replicates { linear, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+        replicates.measure(&objective(), labellings).unwrap()
+    }
+
+    #[test]
+    fn one_labelling_is_the_jackknife_of_the_replicates_as_they_are() {
+        let objective = objective();
+        let linear = noisy(&mut Rng::new(3), 4, 0.2);
+        let mean_without = |skip: Option<usize>| -> Vec<f64> {
+            let kept: Vec<&Vec<f64>> =
+                linear.iter().enumerate().filter(|(r, _)| Some(*r) != skip).map(|(_, y)| y).collect();
+            let mean = |p: usize| kept.iter().map(|y| y[p]).sum::<f64>() / kept.len() as f64;
+            (0..W * H).map(|p| LuminanceMode::Srgb.encode(mean(p), 1.0)).collect()
+        };
+        let z = |skip| objective.statistics(&mean_without(skip), Ramp::Linear);
+        let ones = vec![(0..4).map(|r| z(Some(r))).collect::<Vec<_>>()];
+        let wanted = objective.jackknife(&z(None), &ones, &Smoothing::NONE).unwrap();
+        let found = measure(&linear, 1);
+        assert!((found.evaluation.f_q - wanted.evaluation.f_q).abs() < 1e-10);
+        assert!((found.half_width - wanted.half_width).abs() < 1e-10);
+    }
+
+    /// The error that is told scatters less than that of one labelling, about the same mean, and
+    /// is that of the estimates.
+    #[test]
+    fn several_labellings_tell_the_same_error_better() {
+        let mut rng = Rng::new(8);
+        let (mut one, mut several, mut estimates) =
+            (Moments::default(), Moments::default(), Moments::default());
+        for _ in 0..200 {
+            let linear = noisy(&mut rng, 4, 0.15);
+            one.push(measure(&linear, 1).standard_error.powi(2));
+            let e = measure(&linear, LABELLINGS);
+            several.push(e.standard_error.powi(2));
+            estimates.push(e.evaluation.f_q);
+        }
+        let spread = |m: &Moments| m.variance_of_mean().sqrt() / m.mean();
+        assert!((one.mean() / several.mean() - 1.0).abs() < 4.0 * spread(&one), "{one:?} {several:?}");
+        assert!(spread(&several) < 0.6 * spread(&one), "{} {}", spread(&several), spread(&one));
+        // The variance of 200 estimates is known to a tenth.
+        let variance = estimates.variance_of_mean() * 200.0;
+        assert!((several.mean() / variance - 1.0).abs() < 0.4, "{} {variance}", several.mean());
+    }
+
+    #[test]
+    fn equal_replicates_have_no_error_and_one_is_refused() {
+        let linear = vec![noisy(&mut Rng::new(1), 1, 0.2).remove(0); 3];
+        let e = measure(&linear, LABELLINGS);
+        assert!(e.half_width < 1e-10 && e.correction.abs() < 1e-10);
+        let one = Replicates { linear: &linear[..1], luminance: LuminanceMode::Srgb, exposure: 1.0 };
+        assert_eq!(one.measure(&objective(), 2), Err(ObjectiveError::TooFewReplicates { replicates: 1 }));
+    }
+}

@@ -124,6 +124,25 @@ fn adjoints_of_the_jackknife_agree_with_central_differences() {
 }
 
 #[test]
+fn residuals_are_the_terms_before_their_moduli_and_so_are_their_derivatives() {
+    let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
+    let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+    let l: Vec<f64> = Rng::new(5).image(W * H).into_iter().map(off_joints).collect();
+    let at = |l: &[f64]| objective.residuals(&objective.statistics(l, smoothing.ramp), &smoothing);
+    let z = objective.statistics(&l, smoothing.ramp);
+    let Residuals { scalars, hist } = at(&l);
+    let unsmoothed = Smoothing { delta: 0.0, ..smoothing };
+    let sum = scalars.iter().map(|r| r.weight * r.value.abs()).sum::<f64>() + hist.value;
+    assert!((sum - objective.terms(&z, &unsmoothed).f_q).abs() < 1e-14);
+    for i in 0..=scalars.len() {
+        let of = |r: Residuals| if i < 5 { r.scalars[i].clone() } else { r.hist };
+        let mut adjoint = vec![0.0; W * H];
+        objective.add_adjoint(&l, &z, &of(at(&l)).by_statistics, 1.0, smoothing.ramp, &mut adjoint);
+        assert_adjoint("residual", &l, &adjoint, |l| of(at(l)).value);
+    }
+}
+
+#[test]
 fn a_two_by_two_picture_agrees_with_the_hand() {
     // Object: left column 0.2, 0.6; background: right column 0.9, 0.5.
     let mask = [true, false, true, false];

@@ -15,10 +15,11 @@
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use nlopt::{Algorithm, Nlopt, SuccessState, Target};
 
-use super::{Interrupt, OptimError, Outcome, StopReason};
+use super::{Interrupt, OptimError, Outcome, StopReason, nlopt::End};
 
 /// Values of g and of every r_i at a point, with their derivatives by the n variables.
 #[derive(Clone, Debug, Default)]
@@ -85,6 +86,9 @@ impl Moduli {
 ///
 /// # Errors
 /// As [`super::minimize`].
+///
+/// # Panics
+/// With the panic of `f`, if it panics.
 pub fn minimize_moduli<F>(
     x0: &[f64],
     weights: &[f64],
@@ -135,6 +139,7 @@ where
     };
     let search = search.into_inner();
     let forced = match search.end {
+        Some(End::Panic(payload)) => resume_unwind(payload),
         Some(End::Error(error)) => return Err(error),
         Some(End::Stop(stop)) => Some(stop),
         None => None,
@@ -148,12 +153,6 @@ where
         Err(_) => StopReason::NoProgress,
     });
     Ok(Outcome { x, f, evaluations: search.evaluations, stop })
-}
-
-/// Why no further evaluation is made.
-enum End {
-    Stop(StopReason),
-    Error(OptimError),
 }
 
 struct Search<'a, F> {
@@ -183,16 +182,25 @@ where
             return;
         }
         let inside: Vec<f64> = x.iter().map(|v| v.clamp(0.0, 1.0)).collect();
-        if (self.f)(&inside, &mut self.values).is_break() {
-            self.end = Some(End::Stop(StopReason::Interrupted));
-            return;
+        // C must not be unwound.
+        match catch_unwind(AssertUnwindSafe(|| (self.f)(&inside, &mut self.values))) {
+            Ok(ControlFlow::Continue(())) => {}
+            Ok(ControlFlow::Break(Interrupt)) => {
+                self.end = Some(End::Stop(StopReason::Interrupted));
+                return;
+            }
+            Err(payload) => {
+                self.end = Some(End::Panic(payload));
+                return;
+            }
         }
         self.evaluations += 1;
         self.at = x.to_vec();
         let value = self.values.value(self.weights);
         if !self.values.is_finite() {
             let evaluation = self.evaluations;
-            self.end = Some(End::Error(OptimError::NotFinite { evaluation, component: None, value, x: inside }));
+            self.end =
+                Some(End::Error(OptimError::NotFinite { evaluation, component: None, value, x: inside }));
             return;
         }
         if self.evaluations == 1 {
@@ -203,7 +211,6 @@ where
         }
     }
 
-    /// Called by C: must not unwind.
     fn objective(&mut self, y: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         let (x, t) = y.split_at(y.len() - self.weights.len());
         self.move_to(x);
@@ -222,7 +229,7 @@ where
         self.values.rest + self.weights.iter().zip(t).map(|(w, t)| w * t).sum::<f64>()
     }
 
-    /// r_i − t_i and −r_i − t_i, wanted below 0. Called by C: must not unwind.
+    /// r_i − t_i and −r_i − t_i, wanted below 0.
     fn bounds(&mut self, out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>) {
         let (x, t) = y.split_at(y.len() - self.weights.len());
         self.move_to(x);
@@ -247,5 +254,66 @@ where
             }
             row[n + k / 2] = -1.0;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `(x − 1)²/10 + |10 (y − x²)|` on the unit square, of which the minimum lies in a curved kink.
+    fn curved_kink(x: &[f64], out: &mut Moduli) -> ControlFlow<Interrupt> {
+        out.rest = 0.1 * (x[0] - 1.0).powi(2);
+        out.rest_gradient.copy_from_slice(&[0.2 * (x[0] - 1.0), 0.0]);
+        out.residuals[0] = 10.0 * (x[1] - x[0] * x[0]);
+        out.gradient_of(0).copy_from_slice(&[-20.0 * x[0], 10.0]);
+        ControlFlow::Continue(())
+    }
+
+    #[test]
+    fn the_minimum_along_a_kink_is_found() {
+        for start in [[0.1, 0.9], [0.0, 0.0], [0.7, 0.2]] {
+            let out = minimize_moduli(&start, &[1.0], 1e-12, 200, curved_kink).unwrap();
+            assert!(out.f < 1e-6, "{start:?}: {out:?}");
+            assert!((out.x[0] - 1.0).abs() < 1e-2 && (out.x[1] - 1.0).abs() < 2e-2, "{out:?}");
+        }
+    }
+
+    #[test]
+    fn more_moduli_than_variables_meet_in_a_corner() {
+        // Weighted median: |x − 0.2| + |x − 0.5| + 3 |x − 0.6| is least at 0.6.
+        let at = [0.2, 0.5, 0.6];
+        let out = minimize_moduli(&[0.05], &[1.0, 1.0, 3.0], 1e-12, 50, |x, out| {
+            out.rest = 0.0;
+            out.rest_gradient[0] = 0.0;
+            for (i, at) in at.into_iter().enumerate() {
+                out.residuals[i] = x[0] - at;
+                out.gradient_of(i)[0] = 1.0;
+            }
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert!((out.x[0] - 0.6).abs() < 1e-6 && (out.f - 0.5).abs() < 1e-6, "{out:?}");
+    }
+
+    #[test]
+    fn limits_interrupts_and_nonsense_end_it() {
+        let out = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 3, curved_kink).unwrap();
+        assert!(out.evaluations == 3 && out.stop == StopReason::Evaluations, "{out:?}");
+        let mut left = 2;
+        let out = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 99, |x, out| {
+            left -= 1;
+            if left < 0 { ControlFlow::Break(Interrupt) } else { curved_kink(x, out) }
+        })
+        .unwrap();
+        assert_eq!(out.stop, StopReason::Interrupted);
+        let never = minimize_moduli(&[0.1], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
+        assert_eq!(never.unwrap_err(), OptimError::NothingEvaluated);
+        let nonsense = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
+        assert!(matches!(nonsense, Err(OptimError::NotFinite { evaluation: 1, .. })));
+        let caught = catch_unwind(AssertUnwindSafe(|| {
+            minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 9, |_, _| panic!("of the caller"))
+        }));
+        assert!(caught.is_err());
     }
 }

@@ -100,7 +100,7 @@ where
 }
 
 /// Why no further evaluation is made.
-enum End {
+pub(super) enum End {
     Stop(StopReason),
     Error(OptimError),
     Panic(Box<dyn Any + Send>),

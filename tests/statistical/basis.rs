@@ -19,14 +19,13 @@ use lightopt_embree::{
 
 use crate::support::{random::Random, scenes};
 
-const PATH: Integrator =
-    Integrator {
-        kind: IntegratorKind::Path,
-        max_depth: 6,
-        heuristic: Heuristic::Power,
-        first_light_samples: 6,
-        light_samples: 3,
-    };
+const PATH: Integrator = Integrator {
+    kind: IntegratorKind::Path,
+    max_depth: 6,
+    heuristic: Heuristic::Power,
+    first_light_samples: 6,
+    light_samples: 3,
+};
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 const SIZES: [f32; 2] = [0.1, 1.5];
 const LARGEST_VALUE: f32 = 1.2;
@@ -290,6 +289,32 @@ fn derivatives_are_those_of_the_recombination() {
             });
         }
         check("value", g.value, &|h| LightingPoint { value: x.value + h, ..x.clone() });
+    }
+}
+
+#[test]
+fn halves_are_the_means_of_every_other_replicate() {
+    let mut scene = scene();
+    let layout = layout(&mut scene, PATH.max_depth);
+    let mut random = Random::new(&[11]);
+    let x = random_lighting(&scene, &mut random, 0.5);
+    for n in [3, 4] {
+        let mut basis = TransportBasis::new(layout.clone(), n);
+        let source = Source { scene: &scene, integrator: &PATH, sampler: SamplerKind::Sobol, seed: 5 };
+        basis.render(source, 1, &()).unwrap();
+        let (all, halves) = (recombined(&basis, &x), recombined(&basis.halves(), &x));
+        if n == 3 {
+            assert_eq!(all, halves);
+            continue;
+        }
+        for (i, half) in halves.iter().enumerate() {
+            let largest = half.iter().copied().fold(0.0, f64::max);
+            assert!(largest > 0.0);
+            for (p, y) in half.iter().enumerate() {
+                let mean = 0.5 * (all[i][p] + all[i + 2][p]);
+                assert!((y - mean).abs() < 1e-6 * largest, "{y} {mean}");
+            }
+        }
     }
 }
 

@@ -82,7 +82,8 @@ fn truth(scene: &mut Scene, x: &LightingPoint, objective: &Objective, spp: u32) 
 fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &[f64]) -> JackknifeEstimate {
     let fixed = lighting();
     let luminance = LuminanceMode::Srgb;
-    let evaluator = Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
+    let evaluator =
+        Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
     evaluator.estimate(u, LABELLINGS).unwrap()
 }
 

@@ -15,14 +15,13 @@ use crate::support::{
     scenes,
 };
 
-const PATH: Integrator =
-    Integrator {
-        kind: IntegratorKind::Path,
-        max_depth: 8,
-        heuristic: Heuristic::Power,
-        first_light_samples: 6,
-        light_samples: 3,
-    };
+const PATH: Integrator = Integrator {
+    kind: IntegratorKind::Path,
+    max_depth: 8,
+    heuristic: Heuristic::Power,
+    first_light_samples: 6,
+    light_samples: 3,
+};
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]
