@@ -19,8 +19,8 @@ pub struct JackknifeEstimate {
     pub naive: f64,
     /// Delete-one jackknife standard error of f_q.
     pub standard_error: f64,
-    /// Half width of the 95 % interval: Student t with R−1 degrees of freedom for every
-    /// labelling times the standard error. The full error bar is this plus |`correction`|.
+    /// Half width of the 95 % interval: Student t with R−1 degrees of freedom times the
+    /// standard error. The full error bar is this plus |`correction`|.
     pub half_width: f64,
     /// Noise correction `c = f_naive − f_J`.
     pub correction: f64,
@@ -103,7 +103,7 @@ impl Objective {
             evaluation,
             naive,
             standard_error,
-            half_width: student_t_95((replicates - 1) * n) * standard_error,
+            half_width: student_t_95(replicates - 1) * standard_error,
             replicates,
         })
     }

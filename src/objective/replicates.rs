@@ -2,18 +2,21 @@
 //!
 //! Every pixel has its own scramble, so its noise is independent of the other pixels', and
 //! which of its R values is called the first is of no account: replicates whose values are
-//! exchanged, pixel by pixel, are replicates as good as the rendered ones. The error is taken
-//! over several such labellings. From R replicates alone it would be known to R−1 degrees of
-//! freedom only, and the interval be wider by a half for R = 4.
+//! exchanged, pixel by pixel, are replicates as good as the rendered ones. The error is the mean
+//! over several such labellings; that of one alone scatters by a factor of two for R = 4, and
+//! with it the number of samples that a tolerance seems to need. (A light subpath that lands
+//! in several pixels makes their noise depend. Its share of a picture is small but for caustics,
+//! and there it lands in few pixels.)
 //!
-//! (A light subpath that lands in several pixels makes their noise depend. Its share of a
-//! picture is small but for caustics, and there it lands in few pixels.)
+//! The interval still is Student's for R−1 degrees of freedom. The noise of renders has long
+//! tails: with the narrower one of all labellings' degrees the bar covered 89 % of 200 renders,
+//! where 95 % are meant.
 
 use super::{JackknifeEstimate, LuminanceMode, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
 use crate::math::hash::hash_words;
 
 /// Labellings from which the error of a reported f_q is told.
-pub const LABELLINGS: usize = 8;
+pub const LABELLINGS: usize = 4;
 
 /// Independent replicates of a picture.
 #[derive(Clone, Copy, Debug)]
@@ -143,7 +146,7 @@ mod tests {
         }
         let spread = |m: &Moments| m.variance_of_mean().sqrt() / m.mean();
         assert!((one.mean() / several.mean() - 1.0).abs() < 4.0 * spread(&one), "{one:?} {several:?}");
-        assert!(spread(&several) < 0.6 * spread(&one), "{} {}", spread(&several), spread(&one));
+        assert!(spread(&several) < 0.7 * spread(&one), "{} {}", spread(&several), spread(&one));
         // The variance of 200 estimates is known to a tenth.
         let variance = estimates.variance_of_mean() * 200.0;
         assert!((several.mean() / variance - 1.0).abs() < 0.4, "{} {variance}", several.mean());

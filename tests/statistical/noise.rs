@@ -96,18 +96,22 @@ fn the_error_bar_covers_the_truth_and_the_bias_is_gone() {
     let nothing = ParamVector { variables: Vec::new() };
     for spp in [16, 64] {
         let (mut found, mut naive, mut covered) = (Moments::default(), Moments::default(), 0);
+        let mut told = Moments::default();
         for seed in 0..N_SEEDS {
             let e = estimate(&basis(&mut scene, seed, spp), &objective, &nothing, &[]);
             found.push(e.evaluation.f_q - truth);
+            told.push(e.standard_error.powi(2));
             naive.push(e.naive - truth);
             covered += u32::from((e.evaluation.f_q - truth).abs() <= e.error_bar());
         }
         let share = f64::from(covered) / N_SEEDS as f64;
         println!(
-            "{spp} spp: bias {:+.5} ± {:.5}, naive {:+.5}; the bar covers {:.1} %",
+            "{spp} spp: bias {:+.5} ± {:.5}, naive {:+.5}; deviation {:.5}, told {:.5}; the bar covers {:.1} %",
             found.mean(),
             found.variance_of_mean().sqrt(),
             naive.mean(),
+            (found.variance_of_mean() * N_SEEDS as f64).sqrt(),
+            told.mean().sqrt(),
             100.0 * share
         );
         assert!(share >= 0.90, "{spp}: {share}");
