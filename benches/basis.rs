@@ -113,8 +113,8 @@ fn benchmark(c: &mut Criterion) {
         let mut basis = TransportBasis::new(layout(n), 4);
         let memory = basis.layout().table_memory(4) + basis.layout().film_memory();
         println!("{n} lights: {} MiB", memory >> 20);
-        group.bench_function(format!("render, 4 replicates of 1 sample, {n} lights"), |b| {
-            b.iter(|| basis.render(source, 1, &()).expect("is sound"));
+        group.bench_function(format!("render, 4 replicates of 4 samples, {n} lights"), |b| {
+            b.iter(|| basis.render(source, 4, &()).expect("is sound"));
         });
         let halves = basis.halves();
         let aovs = aov::trace(&scene);

@@ -190,7 +190,7 @@ pub fn optimise(
     ));
 
     let mut own: Option<Engine> = None;
-    let mut progress = Progress { focus: Vec::new(), round: 0, additions: 0, search: Search::Due };
+    let mut progress = Progress { focus: Vec::new(), round: 0, additions: 0, search: Search::Done };
     let check = loop {
         let now = own.as_ref().unwrap_or(engine);
         let may_go_on = !cancelled() && !late();
@@ -218,6 +218,9 @@ pub fn optimise(
             Step::Refocus(samples) => {
                 let lighting = now.lighting(problem.variables, &best.u);
                 let mut fresh = now.around(lighting, progress.round, problem.scene, problem.options);
+                if !now.is_focused() {
+                    progress.search = Search::Due;
+                }
                 progress.round += 1;
                 progress.focus.clone_from(&best.u);
                 own = None;

@@ -26,7 +26,7 @@ impl<'a> Coordinates<'a> {
         let of = |kind| variables.variables.iter().position(|v| v.kind == kind);
         let pairs = variables.variables.iter().enumerate().filter_map(|(radiance, v)| {
             let VariableKind::Radiance(light) = v.kind else { return None };
-            let size = of(VariableKind::Size(light))?;
+            let size = of(VariableKind::Size(light)).filter(|_| v.upper > v.lower)?;
             Some(Pair { radiance, size, origin: variables.variables[size].decode(u[size]) })
         });
         Self { pairs: pairs.collect(), variables }

@@ -3,7 +3,9 @@
 //! Starts are the given ones and points of a low-discrepancy set. All are
 //! measured on a reduced picture; the best of them that lie apart descend there;
 //! the best of what these find descend on the whole picture, with less and less
-//! smoothing. What wins is the least f_q, unsmoothed and freed of noise bias.
+//! smoothing, and at last settle in the kinks of f_q. All descents move in
+//! [coordinates](super::coordinates) in which a light keeps its flux. What wins is the least
+//! f_q, unsmoothed and freed of noise bias.
 
 use std::ops::ControlFlow;
 
@@ -21,10 +23,11 @@ use crate::{
 /// Starts nearer than this to a better one in all directions, in units of half the
 /// box, do not descend.
 const APART: f64 = 0.2;
-/// Evaluations of a descent on the reduced picture and of each stage on the whole one.
-const COARSE_EVALUATIONS: u32 = 40;
-const FINE_EVALUATIONS: u32 = 40;
+/// Evaluations of each stage of a descent, and of what settles it in the kinks.
+const EVALUATIONS: u32 = 40;
 const SETTLE_EVALUATIONS: u32 = 30;
+/// Change of f_q below which it is settled.
+const SETTLED: f64 = 1e-5;
 
 /// Evaluations of a search over the whole box.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
@@ -140,7 +143,7 @@ pub fn search(
     let mut coarse: Vec<(usize, Vec<f64>, f64)> = chosen
         .into_par_iter()
         .map(|i| {
-            let descent = descend(reduced, &trials[i].start, &STAGES[..2], COARSE_EVALUATIONS, cancelled)?;
+            let descent = descend(reduced, &trials[i].start, &STAGES, cancelled)?;
             Ok((i, descent.u, descent.best))
         })
         .collect::<Result<_, OptimError>>()?;
@@ -150,7 +153,7 @@ pub fn search(
         .into_par_iter()
         .map(|k| {
             let (i, u, _) = &coarse[k];
-            Ok((*i, polish(whole, u, &STAGES[1..], cancelled)?))
+            Ok((*i, refine(whole, u, cancelled)?))
         })
         .collect::<Result<_, OptimError>>()?;
     for (i, p) in polished {
@@ -186,7 +189,7 @@ pub fn global(
     Ok((outcome.x, outcome.evaluations))
 }
 
-/// Descends from `u` once more, as after more samples.
+/// Descends from `u` on the whole picture, and settles in the kinks of f_q there.
 ///
 /// # Errors
 /// As [`search`].
@@ -195,7 +198,10 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    polish(whole, u, &STAGES[1..], cancelled)
+    let descent = descend(whole, u, &STAGES[1..], cancelled)?;
+    let Descent { u, evaluations, stop, .. } = settle(whole, descent, cancelled)?;
+    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+    Ok(Polished { u, estimate, evaluations, stop })
 }
 
 struct Descent {
@@ -209,7 +215,6 @@ fn descend(
     evaluator: &Evaluator,
     start: &[f64],
     stages: &[(f64, f64)],
-    evaluations: u32,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Descent, OptimError> {
     let n = start.len();
@@ -224,7 +229,7 @@ fn descend(
         let smoothing = Smoothing::with_delta(*delta);
         let mut scale = None;
         let options = optim::Options {
-            max_evaluations: Some(evaluations),
+            max_evaluations: Some(EVALUATIONS),
             f_tol_abs: 1e-6,
             x_tol_abs: 1e-5,
             ..Default::default()
@@ -263,18 +268,6 @@ fn descend(
     Ok(out)
 }
 
-fn polish(
-    whole: &Evaluator,
-    start: &[f64],
-    stages: &[(f64, f64)],
-    cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Polished, OptimError> {
-    let descent = descend(whole, start, stages, FINE_EVALUATIONS, cancelled)?;
-    let Descent { u, evaluations, stop, .. } = settle(whole, descent, cancelled)?;
-    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
-    Ok(Polished { u, estimate, evaluations, stop })
-}
-
 /// Goes on from where a descent ended, into the kinks of the terms' moduli and along them.
 fn settle(
     whole: &Evaluator,
@@ -287,7 +280,7 @@ fn settle(
     let mut scratch = Scratch::default();
     let coordinates = Coordinates::around(&out.u, whole.variables);
     let log = &mut out.evaluations;
-    let outcome = optim::minimize_moduli(&out.u, &weights, 1e-5, SETTLE_EVALUATIONS, |y, moduli| {
+    let outcome = optim::minimize_moduli(&out.u, &weights, SETTLED, SETTLE_EVALUATIONS, |y, moduli| {
         let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);
