@@ -72,20 +72,22 @@ pub struct Within {
     /// Starts that descend on the reduced picture, and that go on to the whole one.
     n_coarse: usize,
     n_fine: usize,
+    /// Whether the first start descends in any case.
+    keeps_first: bool,
 }
 
 impl Within {
     /// The whole unit cube of `n` dimensions.
     #[must_use]
     pub fn everywhere(n: usize) -> Self {
-        Self { center: vec![0.5; n], radius: 0.5, n_points: 512, n_coarse: 16, n_fine: 4 }
+        Self { center: vec![0.5; n], radius: 0.5, n_points: 512, n_coarse: 16, n_fine: 4, keeps_first: false }
     }
 
     /// What lies around a point: kinks end a descent early, and beyond one of them
     /// there may be a better end.
     #[must_use]
     pub fn around(u: &[f64]) -> Self {
-        Self { center: u.to_vec(), radius: 0.15, n_points: 64, n_coarse: 8, n_fine: 2 }
+        Self { center: u.to_vec(), radius: 0.15, n_points: 64, n_coarse: 8, n_fine: 3, keeps_first: true }
     }
 
     fn point(&self, i: u32, seed: u32) -> Vec<f64> {
@@ -138,7 +140,8 @@ pub fn search(
         .collect();
 
     let mut order: Vec<usize> = (0..trials.len()).collect();
-    order.sort_by(|&a, &b| trials[a].screened.total_cmp(&trials[b].screened));
+    let ahead = |i: usize| within.keeps_first && i == 0;
+    order.sort_by(|&a, &b| ahead(b).cmp(&ahead(a)).then(trials[a].screened.total_cmp(&trials[b].screened)));
     let chosen = within.apart(order.iter().map(|&i| (i, trials[i].start.as_slice())), within.n_coarse);
     let mut coarse: Vec<(usize, Vec<f64>, f64)> = chosen
         .into_par_iter()
@@ -147,7 +150,7 @@ pub fn search(
             Ok((i, descent.u, descent.best))
         })
         .collect::<Result<_, OptimError>>()?;
-    coarse.sort_by(|a, b| a.2.total_cmp(&b.2));
+    coarse.sort_by(|a, b| ahead(b.0).cmp(&ahead(a.0)).then(a.2.total_cmp(&b.2)));
     let chosen = within.apart(coarse.iter().enumerate().map(|(k, c)| (k, c.1.as_slice())), within.n_fine);
     let polished: Vec<(usize, Polished)> = chosen
         .into_par_iter()
