@@ -12,6 +12,7 @@
 pub mod difference;
 mod moduli;
 mod nlopt;
+mod tally;
 
 use std::fmt;
 use std::time::Duration;

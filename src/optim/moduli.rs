@@ -15,11 +15,14 @@
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nlopt::{Algorithm, Nlopt, SuccessState, Target};
+use nlopt::{Algorithm, Nlopt, Target};
 
-use super::{Interrupt, OptimError, Outcome, StopReason, nlopt::End};
+use super::{
+    Interrupt, OptimError, Outcome, StopReason,
+    tally::{End, Tally, accepted},
+};
 
 /// Values of g and of every r_i at a point, with their derivatives by the n variables.
 #[derive(Clone, Debug, Default)]
@@ -109,10 +112,7 @@ where
         max_evaluations,
         at: Vec::new(),
         values: Moduli::new(n, m),
-        evaluations: 0,
-        first: f64::NAN,
-        best: None,
-        end: None,
+        tally: Tally::default(),
     });
     search.borrow_mut().move_to(x0);
     let mut y: Vec<f64> = x0.to_vec();
@@ -122,10 +122,6 @@ where
             |y: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().objective(y, gradient);
         let bounds = |out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>, _: &mut ()| {
             search.borrow_mut().bounds(out, y, jacobian);
-        };
-        let accepted = |result: nlopt::OptResult, what| match result {
-            Ok(_) => Ok(()),
-            Err(_) => Err(OptimError::Nlopt(what)),
         };
         let mut opt = Nlopt::new(Algorithm::Slsqp, n + m, objective, Target::Minimize, ());
         accepted(opt.set_lower_bounds(&vec![0.0; n + m]), "set the lower bounds")?;
@@ -137,22 +133,7 @@ where
         accepted(opt.set_maxeval(2 * max_evaluations), "set the evaluations")?;
         opt.optimize(&mut y)
     };
-    let search = search.into_inner();
-    let forced = match search.end {
-        Some(End::Panic(payload)) => resume_unwind(payload),
-        Some(End::Error(error)) => return Err(error),
-        Some(End::Stop(stop)) => Some(stop),
-        None => None,
-    };
-    let (x, f) = search.best.ok_or(OptimError::NothingEvaluated)?;
-    let stop = forced.unwrap_or(match result {
-        Ok((SuccessState::XtolReached, _)) => StopReason::XTolerance,
-        Ok((SuccessState::MaxEvalReached, _)) => StopReason::Evaluations,
-        Ok(_) => StopReason::FTolerance,
-        Err(_) if f < search.first => StopReason::LineSearch,
-        Err(_) => StopReason::NoProgress,
-    });
-    Ok(Outcome { x, f, evaluations: search.evaluations, stop })
+    search.into_inner().tally.outcome(result, StopReason::FTolerance)
 }
 
 struct Search<'a, F> {
@@ -162,10 +143,7 @@ struct Search<'a, F> {
     /// Where `values` were taken.
     at: Vec<f64>,
     values: Moduli,
-    evaluations: u32,
-    first: f64,
-    best: Option<(Vec<f64>, f64)>,
-    end: Option<End>,
+    tally: Tally,
 }
 
 impl<F> Search<'_, F>
@@ -174,11 +152,11 @@ where
 {
     /// Evaluates at `x`, unless that is where it was last. Once `end` is set it does nothing.
     fn move_to(&mut self, x: &[f64]) {
-        if self.end.is_some() || self.at == x {
+        if self.tally.end.is_some() || self.at == x {
             return;
         }
-        if self.evaluations >= self.max_evaluations {
-            self.end = Some(End::Stop(StopReason::Evaluations));
+        if self.tally.evaluations >= self.max_evaluations {
+            self.tally.end = Some(End::Stop(StopReason::Evaluations));
             return;
         }
         let inside: Vec<f64> = x.iter().map(|v| v.clamp(0.0, 1.0)).collect();
@@ -186,45 +164,39 @@ where
         match catch_unwind(AssertUnwindSafe(|| (self.f)(&inside, &mut self.values))) {
             Ok(ControlFlow::Continue(())) => {}
             Ok(ControlFlow::Break(Interrupt)) => {
-                self.end = Some(End::Stop(StopReason::Interrupted));
+                self.tally.end = Some(End::Stop(StopReason::Interrupted));
                 return;
             }
             Err(payload) => {
-                self.end = Some(End::Panic(payload));
+                self.tally.end = Some(End::Panic(payload));
                 return;
             }
         }
-        self.evaluations += 1;
+        self.tally.evaluations += 1;
         self.at = x.to_vec();
         let value = self.values.value(self.weights);
         if !self.values.is_finite() {
-            let evaluation = self.evaluations;
-            self.end =
+            let evaluation = self.tally.evaluations;
+            self.tally.end =
                 Some(End::Error(OptimError::NotFinite { evaluation, component: None, value, x: inside }));
             return;
         }
-        if self.evaluations == 1 {
-            self.first = value;
-        }
-        if self.best.as_ref().is_none_or(|(_, best)| value < *best) {
-            self.best = Some((inside, value));
-        }
+        self.tally.record(&inside, value);
     }
 
     fn objective(&mut self, y: &[f64], gradient: Option<&mut [f64]>) -> f64 {
         let (x, t) = y.split_at(y.len() - self.weights.len());
         self.move_to(x);
-        let is_over = self.end.is_some();
+        if self.tally.end.is_some() {
+            if let Some(gradient) = gradient {
+                gradient.fill(0.0);
+            }
+            return f64::NEG_INFINITY;
+        }
         if let Some(gradient) = gradient {
             let (by_x, by_t) = gradient.split_at_mut(x.len());
             by_x.copy_from_slice(&self.values.rest_gradient);
             by_t.copy_from_slice(self.weights);
-            if is_over {
-                gradient.fill(0.0);
-            }
-        }
-        if is_over {
-            return f64::NEG_INFINITY;
         }
         self.values.rest + self.weights.iter().zip(t).map(|(w, t)| w * t).sum::<f64>()
     }
@@ -233,7 +205,7 @@ where
     fn bounds(&mut self, out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>) {
         let (x, t) = y.split_at(y.len() - self.weights.len());
         self.move_to(x);
-        if self.end.is_some() {
+        if self.tally.end.is_some() {
             out.fill(-1.0);
             if let Some(jacobian) = jacobian {
                 jacobian.fill(0.0);

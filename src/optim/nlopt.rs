@@ -1,14 +1,16 @@
 //! NLopt's `LD_LBFGS` and `GN_DIRECT_L` behind a function that neither hangs, aborts nor loses the best point.
 
-use std::any::Any;
 use std::cell::RefCell;
 use std::ops::ControlFlow;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
-use nlopt::{Algorithm, FailState, Nlopt, SuccessState, Target};
+use nlopt::{Algorithm, Nlopt, Target};
 
-use super::{Interrupt, Method, OptimError, Options, Outcome, StopReason};
+use super::{
+    Interrupt, Method, OptimError, Options, Outcome, StopReason,
+    tally::{End, Tally, accepted},
+};
 
 /// Minimises `f` over the box `lower <= x <= upper`, from `x0`.
 ///
@@ -42,10 +44,7 @@ where
         start: Instant::now(),
         x: x0.to_vec(),
         gradient: vec![0.0; x0.len()],
-        evaluations: 0,
-        first: f64::NAN,
-        best: None,
-        end: None,
+        tally: Tally::default(),
     });
     let mut x = x0.to_vec();
     let result = {
@@ -56,10 +55,6 @@ where
             Method::DirectL => Algorithm::DirectL,
         };
         let mut opt = Nlopt::new(algorithm, x0.len(), objective, Target::Minimize, ());
-        let accepted = |result: nlopt::OptResult, what| match result {
-            Ok(_) => Ok(()),
-            Err(_) => Err(OptimError::Nlopt(what)),
-        };
         accepted(opt.set_lower_bounds(lower), "set the lower bounds")?;
         accepted(opt.set_upper_bounds(upper), "set the upper bounds")?;
         // A finite value, so that −∞ is below it: how `call` stops a search. The crate's
@@ -75,35 +70,8 @@ where
         opt.optimize(&mut x)
     };
 
-    let search = search.into_inner();
-    let forced = match search.end {
-        Some(End::Panic(payload)) => resume_unwind(payload),
-        Some(End::Error(error)) => return Err(error),
-        Some(End::Stop(stop)) => Some(stop),
-        None => None,
-    };
-    let (best_x, best_f) = search.best.ok_or(match result {
-        Err((FailState::OutOfMemory, _)) => OptimError::Nlopt("allocate its memory"),
-        Err((FailState::InvalidArgs, _)) => OptimError::Nlopt("accept the problem"),
-        _ => OptimError::NothingEvaluated,
-    })?;
-    let progress = best_f < search.first;
-    let stop = forced.unwrap_or(match result {
-        Ok((SuccessState::FtolReached, _)) => StopReason::FTolerance,
-        Ok((SuccessState::XtolReached, _)) => StopReason::XTolerance,
-        // Lukšan's gradient test; the other successes are limits that were not set.
-        Ok(_) => StopReason::Stationary,
-        Err(_) if progress => StopReason::LineSearch,
-        Err(_) => StopReason::NoProgress,
-    });
-    Ok(Outcome { x: best_x, f: best_f, evaluations: search.evaluations, stop })
-}
-
-/// Why no further evaluation is made.
-pub(super) enum End {
-    Stop(StopReason),
-    Error(OptimError),
-    Panic(Box<dyn Any + Send>),
+    // A success that is no tolerance is Lukšan's gradient test; other limits are not set.
+    search.into_inner().tally.outcome(result, StopReason::Stationary)
 }
 
 struct Search<'a, F> {
@@ -114,11 +82,7 @@ struct Search<'a, F> {
     start: Instant,
     x: Vec<f64>,
     gradient: Vec<f64>,
-    evaluations: u32,
-    /// `f(x0)`.
-    first: f64,
-    best: Option<(Vec<f64>, f64)>,
-    end: Option<End>,
+    tally: Tally,
 }
 
 impl<F> Search<'_, F>
@@ -128,8 +92,8 @@ where
     /// Called by C: must not unwind. Once `end` is set it returns −∞ and a zero gradient,
     /// which ends the line search and then the search.
     fn call(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        if self.end.is_none() {
-            self.end = match catch_unwind(AssertUnwindSafe(|| self.evaluate(x))) {
+        if self.tally.end.is_none() {
+            self.tally.end = match catch_unwind(AssertUnwindSafe(|| self.evaluate(x))) {
                 Ok(Ok(value)) => {
                     if let Some(gradient) = gradient {
                         gradient.copy_from_slice(&self.gradient);
@@ -148,11 +112,11 @@ where
 
     fn evaluate(&mut self, x: &[f64]) -> Result<f64, End> {
         let stop = |reason| Err(End::Stop(reason));
-        if self.options.max_evaluations.is_some_and(|max| self.evaluations >= max) {
+        if self.options.max_evaluations.is_some_and(|max| self.tally.evaluations >= max) {
             return stop(StopReason::Evaluations);
         }
         let late = self.options.time_limit.is_some_and(|limit| self.start.elapsed() >= limit);
-        if late && self.evaluations > 0 {
+        if late && self.tally.evaluations > 0 {
             return stop(StopReason::TimeLimit);
         }
         for (i, &value) in x.iter().enumerate() {
@@ -166,24 +130,19 @@ where
             ControlFlow::Continue(value) => value,
             ControlFlow::Break(Interrupt) => return stop(StopReason::Interrupted),
         };
-        self.evaluations += 1;
+        self.tally.evaluations += 1;
 
         let bad = self.gradient.iter().position(|d| !d.is_finite());
         if !value.is_finite() || bad.is_some() {
             let component = bad.filter(|_| value.is_finite());
             return Err(End::Error(OptimError::NotFinite {
-                evaluation: self.evaluations,
+                evaluation: self.tally.evaluations,
                 component,
                 value: component.map_or(value, |i| self.gradient[i]),
                 x: self.x.clone(),
             }));
         }
-        if self.evaluations == 1 {
-            self.first = value;
-        }
-        if self.best.as_ref().is_none_or(|(_, best)| value < *best) {
-            self.best = Some((self.x.clone(), value));
-        }
+        self.tally.record(&self.x, value);
         if self.options.target.is_some_and(|target| value <= target) {
             return stop(StopReason::Target);
         }
