@@ -111,7 +111,7 @@ fn benchmark(c: &mut Criterion) {
         let scene = scene(n);
         let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 0 };
         let mut basis = TransportBasis::new(layout(n), 4);
-        let memory = basis.layout().table_memory(4) + basis.layout().film_memory();
+        let memory = basis.layout().table_memory(4);
         println!("{n} lights: {} MiB", memory >> 20);
         group.bench_function(format!("render, 4 replicates of 4 samples, {n} lights"), |b| {
             b.iter(|| basis.render(source, 4, &()).expect("is sound"));

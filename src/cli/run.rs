@@ -64,7 +64,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "targets")]
     pub target_mask: Option<PathBuf>,
 
-    /// Several looks from one simulation, each recorded in a directory of its own below DIR
+    /// Several looks from one simulation, each recorded in a directory of its own below DIR; up to
+    /// four are found together and share all renders
     #[arg(long, value_name = "NAME|FILE,…", value_delimiter = ',', conflicts_with = "target")]
     pub targets: Option<Vec<String>>,
 
@@ -84,9 +85,10 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of a working picture; of the transport basis, the first
-    #[arg(long, value_name = "N", default_value = "12", value_parser = parse_spp)]
-    pub spp: u32,
+    /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
+    /// every working picture with --gradient fd [default: 12]
+    #[arg(long, value_name = "N", value_parser = parse_spp)]
+    pub spp: Option<u32>,
 
     /// Samples per pixel of the final picture
     #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
@@ -109,7 +111,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 
-    /// Seconds after which no more samples are added for a target
+    /// Seconds after which no more samples are added for targets that are found together
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub time_limit: Option<Duration>,
 
@@ -217,7 +219,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             luminance,
             size,
             work_size,
-            spp: args.spp,
+            spp: args.spp.unwrap_or(match args.gradient {
+                Gradient::Basis => 8,
+                Gradient::Fd => 12,
+            }),
             final_spp: args.final_spp,
             free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
             seed: args.transport.seed,

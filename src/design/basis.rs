@@ -4,7 +4,7 @@
 //! a basis of its own is rendered, whose knots and samples lie there, and the search goes
 //! on in it; samples are added until the error of f_q is small enough. A check render with
 //! samples that chose nothing gives the f_q that is reported; while both disagree, the
-//! basis is rendered anew.
+//! basis is rendered anew. Several looks share all renders.
 
 use std::time::Instant;
 
@@ -12,16 +12,17 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    Problem, Purpose, Reporter, RunError, Shot,
+    Purpose, Reporter, RunError, Setting, Task,
     attainable::{self, Reach},
-    attribute,
-    engine::{Engine, REPLICATES},
+    attribute, check,
+    engine::{Aim, Engine, REPLICATES},
     evaluator::Evaluator,
+    precision::{MAX_SAMPLES, is_exact, more, needed},
     search::{self, Polished, Trial},
     seed_for,
 };
 use crate::{
-    audit::{RunDir, picture},
+    audit::picture,
     film::exr::ExrImage,
     integrator::RenderError,
     math::hash::hash_words,
@@ -36,11 +37,9 @@ const MAX_REFOCUS: u32 = 4;
 const FOCUS_SAMPLES: u32 = 4;
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
 /// of all that lie around it.
-const CHECK_SHARE: f64 = 2.0 / 3.0;
+const CHECK_SHARE: f64 = 0.5;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
-/// Samples per pixel after which no more are added, of all replicates.
-const MAX_SAMPLES: u32 = 4096;
 
 /// What was found for one target.
 pub struct Found {
@@ -56,26 +55,8 @@ pub struct Found {
     pub reach: Vec<Reach>,
 }
 
-/// Whether an estimate is as exact as asked for.
-fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
-    e.half_width <= tolerance && e.correction.abs() <= 2.0 * tolerance
-}
-
-/// Factor on the samples that would make it so. The variance of scrambled nets falls as the
-/// power −3/2 of their number where the integrand has edges \[He15\], and with it the
-/// correction of f_q.
-fn needed(e: &JackknifeEstimate, tolerance: f64) -> f64 {
-    let (error, bias) = (e.half_width / tolerance, e.correction.abs() / (2.0 * tolerance));
-    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
-}
-
-/// Samples to add to `n`: as many as an estimate needs, but not too many on the word of few.
-fn more(n: u32, e: &JackknifeEstimate, tolerance: f64) -> u32 {
-    let wanted = f64::from(n) * needed(e, tolerance).clamp(1.2, 2.5);
-    (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
-}
-
 /// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
     /// Render a basis around the best point, of so many samples.
     Refocus(u32),
@@ -87,6 +68,28 @@ enum Step {
     Check,
 }
 
+impl Step {
+    /// What serves all looks on a basis of `samples`: what one needs, the others take along.
+    fn for_all(wishes: &[Self], samples: u32) -> Self {
+        let of = |wish: &Self| match *wish {
+            Self::Refocus(n) => n,
+            Self::Add(n) => samples + n,
+            Self::Search | Self::Check => 0,
+        };
+        let most = wishes.iter().map(of).max().unwrap_or(0);
+        let any = |is: fn(&Self) -> bool| wishes.iter().any(is);
+        if any(|w| matches!(w, Self::Refocus(_))) {
+            Self::Refocus(most)
+        } else if any(|w| matches!(w, Self::Add(_))) {
+            Self::Add(most - samples)
+        } else if any(|w| matches!(w, Self::Search)) {
+            Self::Search
+        } else {
+            Self::Check
+        }
+    }
+}
+
 /// How far the search around the best point has come: it looks far with the first samples of a
 /// basis and again when there are enough, and after that only goes on downhill.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,35 +99,54 @@ enum Search {
     Done,
 }
 
-/// How far an optimisation has come.
-struct Progress {
-    /// What the present basis is made around.
-    focus: Vec<f64>,
+/// What the bases have cost so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
     /// Bases rendered around a point.
-    round: u32,
+    rounds: u32,
     /// Times that samples were added.
     additions: u32,
+}
+
+/// A look on its way.
+struct Quest<'t, 'a> {
+    /// Its place among those that are sought together.
+    index: usize,
+    task: &'t mut Task<'a>,
+    /// The search of the first basis.
+    trials: Vec<Trial>,
+    best: Polished,
+    evaluations: u32,
+    /// What the present basis is made around.
+    focus: Vec<f64>,
     search: Search,
 }
 
-impl Progress {
-    fn next(
-        &self,
-        now: &Engine,
-        best: &Polished,
-        problem: &Problem,
-        may_go_on: bool,
-    ) -> Result<Step, RunError> {
+impl Quest<'_, '_> {
+    /// Evaluators of the whole picture and, if possible, of a smaller one.
+    fn evaluators<'e>(&'e self, now: &'e Engine, setting: &'e Setting) -> [Evaluator<'e>; 2] {
+        evaluators(now, setting, self.task)
+    }
+
+    fn log_time(&mut self, stage: &str, since: Instant) -> Result<(), RunError> {
+        self.task.dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
+        Ok(())
+    }
+
+    /// What this look needs next.
+    fn wish(&self, now: &Engine, spent: Spent, setting: &Setting, may_go_on: bool) -> Result<Step, RunError> {
         let least = FOCUS_SAMPLES * REPLICATES as u32;
-        let may_refocus = may_go_on && self.round < MAX_REFOCUS;
-        let may_add = may_go_on && self.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
+        let may_refocus = may_go_on && spent.rounds < MAX_REFOCUS;
+        let may_add = may_go_on && spent.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
+        let tolerance = setting.options.tolerance;
         // Few samples that matter are worth more than many that do not.
         // A basis to be kept gets them itself: other looks will need them elsewhere.
         if may_refocus && !now.is_focused() && !now.is_stored() {
-            return Ok(Step::Refocus(least));
+            // A basis of its own has less noise: what this one would need is enough.
+            let enough = f64::from(now.samples()) * needed(&self.best.estimate, tolerance);
+            return Ok(Step::Refocus((enough as u32).clamp(least, 2 * least)));
         }
-        let tolerance = problem.options.tolerance;
-        let exact = is_exact(&best.estimate, tolerance);
+        let exact = is_exact(&self.best.estimate, tolerance);
         if exact || !may_add {
             let is_searched = self.search != Search::Due || !now.is_focused();
             return Ok(match (is_searched, exact || !may_refocus) {
@@ -135,235 +157,274 @@ impl Progress {
         }
         if may_refocus && now.is_focused() {
             // Where the search has gone, a new basis may need fewer samples than this one lacks.
-            let at_focus = now.evaluator(problem).estimate(&self.focus, LABELLINGS)?;
-            let fresh = needed(&at_focus, tolerance);
-            if fresh < needed(&best.estimate, tolerance) - 1.0 {
+            let [whole, _] = self.evaluators(now, setting);
+            let fresh = needed(&whole.estimate(&self.focus, LABELLINGS)?, tolerance);
+            if fresh < needed(&self.best.estimate, tolerance) - 1.0 {
                 let samples = (f64::from(now.samples()) * fresh).ceil() as u32;
                 return Ok(Step::Refocus(samples.max(least)));
             }
         }
-        Ok(Step::Add(more(now.samples(), &best.estimate, tolerance)))
+        Ok(Step::Add(more(now.samples(), &self.best.estimate, tolerance)))
+    }
+
+    /// Goes on after a step.
+    fn advance(
+        &mut self,
+        step: Step,
+        now: &Engine,
+        setting: &Setting,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<(), RunError> {
+        let seed = now.seed() as u32;
+        let evaluators = self.evaluators(now, setting);
+        let whole = evaluators[0];
+        let (best, evaluations) = match (step, self.search) {
+            (Step::Search | Step::Refocus(_), Search::Due) => {
+                self.search_around(evaluators, seed, cancelled)?
+            }
+            (Step::Search | Step::Check, _) => return Ok(()),
+            (_, Search::Done) => {
+                let refined = search::refine(&whole, &self.best.u, cancelled)?;
+                let n = refined.evaluations.len() as u32;
+                (self.best.followed_by(&refined), n)
+            }
+            _ => {
+                let estimate = whole.estimate(&self.best.u, LABELLINGS)?;
+                (Polished { estimate, ..self.best.clone() }, 0)
+            }
+        };
+        self.best = best;
+        self.evaluations += evaluations;
+        self.search = match (step, self.search) {
+            (Step::Search, _) => Search::Done,
+            (Step::Add(_), Search::Began) => Search::Due,
+            (Step::Refocus(_), Search::Due) => Search::Began,
+            (_, same) => same,
+        };
+        Ok(())
+    }
+
+    /// Searches a new basis around the best point, and from the other ends that were found.
+    fn search_around(
+        &self,
+        [whole, reduced]: [Evaluator; 2],
+        seed: u32,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<(Polished, u32), RunError> {
+        let ends = self.trials.iter().filter_map(|t| Some((t.name.clone(), t.polished.as_ref()?.u.clone())));
+        let starts: Vec<_> = std::iter::once(("best".to_owned(), self.best.u.clone())).chain(ends).collect();
+        let within = search::Within::around(&self.best.u);
+        let again = search::search(&whole, &reduced, &starts, &within, seed, cancelled)?;
+        let found = search::best(&again).map_or_else(|| self.best.clone(), |(_, p)| self.best.followed_by(p));
+        Ok((found, search::evaluations(&again)))
+    }
+
+    /// Writes the record, and tells what the lights can reach.
+    fn finish(
+        mut self,
+        check: JackknifeEstimate,
+        now: &Engine,
+        setting: &Setting,
+        is_interrupted: bool,
+    ) -> Result<(usize, Found), RunError> {
+        let clock = Instant::now();
+        record(now, &self.best, setting, self.task)?;
+        self.log_time("record", clock)?;
+        let clock = Instant::now();
+        let [whole, reduced] = self.evaluators(now, setting);
+        let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
+        self.log_time("attainability", clock)?;
+        let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
+        let stop = if is_interrupted { StopReason::Interrupted } else { stop };
+        Ok((index, Found { u, check, evaluations, stop, reach }))
     }
 }
 
-/// Finds the lights: searches, adds samples, checks, refocuses.
+/// Evaluators of a task's whole picture and, if possible, of a smaller one.
+fn evaluators<'e>(now: &'e Engine, setting: &'e Setting, task: &'e Task) -> [Evaluator<'e>; 2] {
+    let whole = now.evaluator(setting, &task.objective);
+    let reduced = task.reduced.as_ref().map_or(whole, |objective| now.reduced(setting, objective));
+    [whole, reduced]
+}
+
+/// Finds the lights of several looks: searches, adds samples, checks, refocuses.
 ///
 /// # Errors
 /// When a render or the record fails.
 pub fn optimise(
     engine: &mut Engine,
-    starts: &[(String, Vec<f64>)],
-    problem: &mut Problem<'_>,
-    dir: &mut RunDir,
+    tasks: &mut [Task<'_>],
+    setting: &mut Setting<'_>,
     renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<Found, RunError> {
+) -> Result<Vec<Found>, RunError> {
     let begin = Instant::now();
     let cancelled = || reporter.cancelled();
-    let options = problem.options;
+    let options = setting.options;
     let late = || options.time_limit.is_some_and(|t| begin.elapsed() >= t);
     reporter.stage("searching the basis", None);
-    let everywhere = search::Within::everywhere(problem.variables.len());
-    let trials = on_reduced(engine, problem, |whole, reduced| {
-        let mut trials =
-            search::search(whole, reduced, starts, &everywhere, engine.seed() as u32, &cancelled)?;
-        if options.global {
-            let (start, n) = search::global(reduced, &cancelled)?;
-            let polished = search::refine(whole, &start, &cancelled)?;
-            reporter.note(&global_line(&polished, n, &trials));
-            let screened = polished.estimate.evaluation.f_q;
-            trials.push(Trial { name: "global".into(), start, screened, polished: Some(polished) });
-        }
-        Ok(trials)
-    })?;
-    let Some((name, mut best)) = search::best(&trials).map(|(t, p)| (t.name.clone(), p.clone())) else {
-        return Err(OptimError::NothingEvaluated.into());
-    };
-    let mut n_evaluations = search::evaluations(&trials);
-    dir.log_starts(trials.iter().map(|t| start_line(t, problem.variables)))?;
-    log_time(dir, "search", begin)?;
-    reporter.note(&format!(
-        "searched from {} starts; best from \"{name}\": f_q {:.4} ± {:.4}",
-        trials.len(),
-        best.estimate.evaluation.f_q,
-        best.estimate.error_bar()
-    ));
+    let mut open = begin_quests(engine, tasks, setting, reporter)?;
+    let mut found: Vec<Option<Found>> = open.iter().map(|_| None).collect();
 
     let mut own: Option<Engine> = None;
-    let mut progress = Progress { focus: Vec::new(), round: 0, additions: 0, search: Search::Done };
-    let check = loop {
+    let mut spent = Spent::default();
+    let mut disagree = false;
+    while !open.is_empty() {
         let now = own.as_ref().unwrap_or(engine);
         let may_go_on = !cancelled() && !late();
-        let mut step = progress.next(now, &best, problem, may_go_on)?;
-        if let Step::Check = step {
-            let clock = Instant::now();
-            let measured = check_at(&best, now.samples(), problem, progress.round, renders, reporter)?;
-            log_time(dir, "check", clock)?;
-            let (f, checked) = (best.estimate.evaluation.f_q, measured.evaluation.f_q);
-            let allowed = best.estimate.error_bar() + measured.error_bar();
-            reporter.note(&format!(
-                "basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
-                now.samples(),
-                best.estimate.error_bar(),
-                measured.error_bar()
-            ));
-            if (f - checked).abs() <= allowed || !may_go_on || progress.round == MAX_REFOCUS {
-                break measured;
-            }
-            reporter.note("they disagree: rendering the basis anew around the lights found");
-            step = Step::Refocus(now.samples());
-        }
+        let wishes = open
+            .par_iter()
+            .map(|quest| quest.wish(now, spent, setting, may_go_on))
+            .collect::<Result<Vec<_>, _>>()?;
+        let step = match disagree {
+            true => Step::Refocus(now.samples()),
+            false => Step::for_all(&wishes, now.samples()),
+        };
+        disagree = false;
         let clock = Instant::now();
         match step {
-            Step::Refocus(samples) => {
-                let lighting = now.lighting(problem.variables, &best.u);
-                let mut fresh = now.around(lighting, progress.round, problem.scene, problem.options);
-                if !now.is_focused() {
-                    progress.search = Search::Due;
+            Step::Check => {
+                let checks = check_all(&open, now, setting, spent.rounds, renders, reporter)?;
+                let mut agreed = Vec::new();
+                for (mut quest, measured) in std::mem::take(&mut open).into_iter().zip(checks) {
+                    quest.log_time("check", clock)?;
+                    let expected = &quest.best.estimate;
+                    let (f, checked) = (expected.evaluation.f_q, measured.evaluation.f_q);
+                    reporter.note(&format!(
+                        "{}: basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
+                        quest.task.job.target.name(),
+                        now.samples(),
+                        expected.error_bar(),
+                        measured.error_bar()
+                    ));
+                    let allowed = expected.error_bar() + measured.error_bar();
+                    if (f - checked).abs() <= allowed || !may_go_on || spent.rounds == MAX_REFOCUS {
+                        agreed.push((quest, measured));
+                    } else {
+                        open.push(quest);
+                    }
                 }
-                progress.round += 1;
-                progress.focus.clone_from(&best.u);
+                let is_interrupted = cancelled();
+                let finished = agreed
+                    .into_par_iter()
+                    .map(|(quest, measured)| quest.finish(measured, now, setting, is_interrupted))
+                    .collect::<Result<Vec<_>, _>>()?;
+                finished.into_iter().for_each(|(index, f)| found[index] = Some(f));
+                disagree = !open.is_empty();
+                if disagree {
+                    reporter.note("they disagree: rendering the basis anew around the lights found");
+                }
+                continue;
+            }
+            Step::Refocus(samples) => {
+                let aims = aims(&open, now, setting);
+                let mut fresh = now.around(aims, spent.rounds, setting.scene, options);
+                for quest in &mut open {
+                    if !now.is_focused() {
+                        quest.search = Search::Due;
+                    }
+                    quest.focus.clone_from(&quest.best.u);
+                }
+                spent.rounds += 1;
                 own = None;
-                match fresh.add(samples, problem.scene, problem.camera, problem.options, reporter) {
+                match fresh.add(samples, setting.scene, setting.camera, options, reporter) {
                     Err(RunError::Render(RenderError::Cancelled)) => continue,
                     other => other?,
                 }
                 own = Some(fresh);
             }
             Step::Add(samples) => {
-                progress.additions += 1;
+                spent.additions += 1;
                 let engine = own.as_mut().unwrap_or(engine);
-                engine.add(samples, problem.scene, problem.camera, problem.options, reporter)?;
+                engine.add(samples, setting.scene, setting.camera, options, reporter)?;
             }
-            Step::Search | Step::Check => {}
+            Step::Search => {}
         }
         if matches!(step, Step::Refocus(_) | Step::Add(_)) {
-            log_time(dir, "basis", clock)?;
+            open.iter_mut().try_for_each(|quest| quest.log_time("basis", clock))?;
         }
         let clock = Instant::now();
         let now = own.as_ref().unwrap_or(engine);
-        best = match (&step, progress.search) {
-            (Step::Search, _) | (Step::Refocus(_), Search::Due) => {
-                search_around(now, &best, &trials, problem, &mut n_evaluations, &cancelled)?
-            }
-            (_, Search::Done) => refine(now, &best, problem, &mut n_evaluations, &cancelled)?,
-            _ => Polished { estimate: now.evaluator(problem).estimate(&best.u, LABELLINGS)?, ..best },
-        };
-        progress.search = match step {
-            Step::Search => Search::Done,
-            Step::Add(_) if progress.search == Search::Began => Search::Due,
-            Step::Refocus(_) if progress.search == Search::Due => Search::Began,
-            _ => progress.search,
-        };
-        log_time(dir, "refine", clock)?;
-    };
-    let engine = own.as_ref().unwrap_or(engine);
-    let clock = Instant::now();
-    record(engine, &best, problem, dir)?;
-    log_time(dir, "record", clock)?;
-    let stop = if cancelled() { StopReason::Interrupted } else { best.stop };
-    let clock = Instant::now();
-    let reach = on_reduced(engine, problem, |whole, reduced| {
-        Ok(attainable::reach(whole, reduced, &best.u, engine.seed() as u32)?)
-    })?;
-    log_time(dir, "attainability", clock)?;
-    Ok(Found { u: best.u, check, evaluations: n_evaluations, stop, reach })
-}
-
-fn log_time(dir: &mut RunDir, stage: &str, since: Instant) -> Result<(), RunError> {
-    dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
-    Ok(())
-}
-
-/// Calls `f` with the problem on the whole picture and, if possible, on a smaller one.
-fn on_reduced<T>(
-    engine: &Engine,
-    problem: &Problem,
-    f: impl FnOnce(&Evaluator, &Evaluator) -> Result<T, RunError>,
-) -> Result<T, RunError> {
-    let whole = engine.evaluator(problem);
-    match engine.reduced(problem) {
-        None => f(&whole, &whole),
-        Some((basis, objective)) => {
-            f(&whole, &Evaluator { basis: &basis, halves: &basis, objective: &objective, ..whole })
-        }
+        let setting = &*setting;
+        open.par_iter_mut().try_for_each(|quest| quest.advance(step, now, setting, &cancelled))?;
+        open.iter_mut().try_for_each(|quest| quest.log_time("refine", clock))?;
     }
+    Ok(found.into_iter().flatten().collect())
 }
 
-/// Searches a new basis around the best point, and from the other ends that were found.
-fn search_around(
+/// Searches the first basis for every look.
+fn begin_quests<'t, 'a>(
     engine: &Engine,
-    best: &Polished,
-    trials: &[Trial],
-    problem: &Problem,
-    n_evaluations: &mut u32,
-    cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Polished, RunError> {
-    let ends = trials.iter().filter_map(|t| Some((t.name.clone(), t.polished.as_ref()?.u.clone())));
-    let starts: Vec<_> = std::iter::once(("best".to_owned(), best.u.clone())).chain(ends).collect();
-    let within = search::Within::around(&best.u);
-    let again = on_reduced(engine, problem, |whole, reduced| {
-        Ok(search::search(whole, reduced, &starts, &within, engine.seed() as u32, cancelled)?)
-    })?;
-    *n_evaluations += search::evaluations(&again);
-    let Some((_, found)) = search::best(&again) else { return Ok(best.clone()) };
-    let evaluations = [best.evaluations.clone(), found.evaluations.clone()].concat();
-    Ok(Polished { evaluations, ..found.clone() })
+    tasks: &'t mut [Task<'a>],
+    setting: &Setting,
+    reporter: &impl Reporter,
+) -> Result<Vec<Quest<'t, 'a>>, RunError> {
+    let clock = Instant::now();
+    let cancelled = || reporter.cancelled();
+    let everywhere = search::Within::everywhere(setting.variables.len());
+    let seed = engine.seed() as u32;
+    let found = tasks
+        .par_iter()
+        .map(|task| {
+            let [whole, reduced] = evaluators(engine, setting, task);
+            let mut trials = search::search(&whole, &reduced, &task.starts, &everywhere, seed, &cancelled)?;
+            let mut line = None;
+            if setting.options.global {
+                let (start, n) = search::global(&reduced, &cancelled)?;
+                let polished = search::refine(&whole, &start, &cancelled)?;
+                line = Some(global_line(&polished, n, &trials));
+                let screened = polished.estimate.evaluation.f_q;
+                trials.push(Trial { name: "global".into(), start, screened, polished: Some(polished) });
+            }
+            Ok((trials, line))
+        })
+        .collect::<Result<Vec<_>, RunError>>()?;
+    let mut quests = Vec::new();
+    for (index, (task, (trials, line))) in tasks.iter_mut().zip(found).enumerate() {
+        let look = task.job.target.name();
+        line.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+        let (start, best) = search::best(&trials).ok_or(OptimError::NothingEvaluated)?;
+        reporter.note(&format!(
+            "{look}: searched from {} starts; best from \"{}\": f_q {:.4} ± {:.4}",
+            trials.len(),
+            start.name,
+            best.estimate.evaluation.f_q,
+            best.estimate.error_bar()
+        ));
+        task.dir.log_starts(trials.iter().map(|t| start_line(t, setting.variables)))?;
+        let (best, evaluations) = (best.clone(), search::evaluations(&trials));
+        let (focus, search) = (Vec::new(), Search::Done);
+        let mut quest = Quest { index, task, best, evaluations, trials, focus, search };
+        quest.log_time("search", clock)?;
+        quests.push(quest);
+    }
+    Ok(quests)
 }
 
-fn refine(
-    engine: &Engine,
-    best: &Polished,
-    problem: &Problem,
-    n_evaluations: &mut u32,
-    cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Polished, RunError> {
-    let refined = search::refine(&engine.evaluator(problem), &best.u, cancelled)?;
-    *n_evaluations += refined.evaluations.len() as u32;
-    let evaluations = [best.evaluations.clone(), refined.evaluations.clone()].concat();
-    Ok(Polished { evaluations, ..refined })
+/// What was found for every look: the more it lacks of the tolerance, the more samples are its.
+fn aims(quests: &[Quest], now: &Engine, setting: &Setting) -> Vec<Aim> {
+    let aim = |quest: &Quest| {
+        let share = needed(&quest.best.estimate, setting.options.tolerance).clamp(0.1, 10.0);
+        now.aim(now.lighting(setting.variables, &quest.best.u), share)
+    };
+    quests.iter().map(aim).collect()
 }
 
-/// Renders what was found with samples that chose nothing: a share of the samples that found
-/// it, and more if its error needs them.
-fn check_at(
-    best: &Polished,
-    found_with: u32,
-    problem: &mut Problem,
+/// Renders what was found with samples that chose nothing: a share of those that found it, and
+/// more if an error needs them.
+fn check_all(
+    quests: &[Quest],
+    now: &Engine,
+    setting: &mut Setting,
     round: u32,
     renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<JackknifeEstimate, RunError> {
-    let Problem { scene, camera, objective, variables, options, .. } = problem;
-    let x = variables.decode(&best.u);
-    variables.apply(scene, &x);
-    scene.select_shining_lights();
-    if let Some(value) = variables.background_value(&x) {
-        scene.set_background_value(value as f32, value as f32);
-    }
-    let seed = hash_words(&[seed_for(options.seed, Purpose::Check), u64::from(round)]);
-    let replicates = REPLICATES as u32;
-    let mut spp = ((f64::from(found_with) * CHECK_SHARE) as u32).next_multiple_of(replicates);
-    let observer = super::Unstoppable(reporter);
-    let rows = u64::from(options.work_size.y * replicates);
-    let mut shot: Option<Shot> = None;
-    loop {
-        reporter.stage("checking the result with new samples", Some(rows));
-        let first = shot.as_ref().map_or(0, Shot::samples);
-        let next = camera.shoot_from(scene, seed, first, spp, replicates, &observer)?;
-        *renders += 1;
-        let all = match shot.take() {
-            None => next,
-            Some(before) => before.joined(&next),
-        };
-        let measured = all.measure(objective)?.estimate;
-        let now = all.samples() * replicates;
-        if is_exact(&measured, options.tolerance) || now >= MAX_SAMPLES || reporter.cancelled() {
-            return Ok(measured);
-        }
-        spp = more(now, &measured, options.tolerance);
-        shot = Some(all);
-    }
+) -> Result<Vec<JackknifeEstimate>, RunError> {
+    let objectives: Vec<_> = quests.iter().map(|quest| &quest.task.objective).collect();
+    let aims = aims(quests, now, setting);
+    let seed = hash_words(&[seed_for(setting.options.seed, Purpose::Check), u64::from(round)]);
+    let spp = (f64::from(now.samples()) * CHECK_SHARE) as u32;
+    check::check(&aims, &objectives, setting, seed, spp, renders, reporter)
 }
 
 /// What a search over the whole box says of the starts.
@@ -391,9 +452,11 @@ fn start_line(t: &Trial, variables: &ParamVector) -> Value {
 }
 
 /// Writes the evaluations that led to the result, and a picture of each improvement.
-fn record(engine: &Engine, best: &Polished, problem: &Problem, dir: &mut RunDir) -> Result<(), RunError> {
-    let Problem { scene, variables, options, aovs, target, objective, .. } = problem;
-    let evaluator = engine.evaluator(problem);
+fn record(engine: &Engine, best: &Polished, setting: &Setting, task: &mut Task) -> Result<(), RunError> {
+    let Setting { scene, variables, options, aovs, .. } = setting;
+    let Task { job, objective, dir, .. } = task;
+    let target = &job.target;
+    let evaluator = engine.evaluator(setting, objective);
     let estimates: Vec<JackknifeEstimate> =
         best.evaluations.par_iter().map(|(u, _, _)| evaluator.estimate(u, 1)).collect::<Result<_, _>>()?;
     let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
@@ -441,4 +504,19 @@ fn record(engine: &Engine, best: &Polished, problem: &Problem, dir: &mut RunDir)
         .collect();
     dir.log_iterations(&iterations)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_share_the_step_that_serves_all() {
+        let next = |wishes: &[Step]| Step::for_all(wishes, 16);
+        assert_eq!(next(&[Step::Check, Step::Check]), Step::Check);
+        assert_eq!(next(&[Step::Check, Step::Search]), Step::Search);
+        assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));
+        assert_eq!(next(&[Step::Refocus(16), Step::Check]), Step::Refocus(16));
+        assert_eq!(next(&[Step::Refocus(16), Step::Add(8)]), Step::Refocus(24), "as many as it would have");
+    }
 }

@@ -3,7 +3,8 @@
 use std::{path::PathBuf, sync::OnceLock};
 
 use super::{
-    Camera, Problem, Purpose, Reporter, RunError, RunOptions, Unstoppable, evaluator::Evaluator, seed_for,
+    Camera, MAX_TOGETHER, Purpose, Reporter, RunError, RunOptions, Setting, Unstoppable,
+    evaluator::Evaluator, seed_for,
 };
 use crate::{
     audit::stored::About,
@@ -11,7 +12,7 @@ use crate::{
     integrator::{RenderError, aov::Aovs},
     light::SizeDensity,
     math::hash::{hash_bytes, hash_words},
-    objective::Objective,
+    objective::{Objective, Target},
     params::{ParamVector, survey::SizeBounds},
     scene::{Scene, sidecar::FreeKind},
     transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
@@ -24,11 +25,12 @@ const HALVES: usize = 2;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
-/// Knots of a basis around what was found: half of them lie within this share of the size found.
+/// Knots of a basis around what was found: half of them for the whole range, and as many for
+/// what lies within this share of a size found.
 const FOCUS_KNOTS: usize = 16;
 const FOCUS: f64 = 0.35;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
-const FAINT_LIGHT: f32 = 0.05;
+const FAINT_LIGHT: f64 = 0.05;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
 const UNINTERRUPTED: u32 = 8;
 /// The picture on which starts are screened is smaller by this factor.
@@ -46,12 +48,24 @@ pub struct Plan {
     fixed: LightingPoint,
 }
 
-/// What a basis is made for: the lights found.
+/// A lighting that matters, and how often each light is chosen for it.
 #[derive(Clone, Debug)]
-struct Focus {
-    lighting: LightingPoint,
-    /// How often each light is chosen.
-    weights: Vec<f32>,
+pub struct Aim {
+    pub lighting: LightingPoint,
+    pub weights: Vec<f32>,
+}
+
+impl Aim {
+    /// How often each light is chosen for all of `aims`.
+    pub fn light_weights(aims: &[Self]) -> Vec<f32> {
+        let n = aims.first().map_or(0, |aim| aim.weights.len());
+        (0..n).map(|l| aims.iter().map(|aim| aim.weights[l]).sum()).collect()
+    }
+
+    /// The sizes of a light for all of `aims`, with how much they matter.
+    pub fn sizes(aims: &[Self], light: usize) -> Vec<(f32, f32)> {
+        aims.iter().map(|aim| (aim.lighting.size[light] as f32, aim.weights[light])).collect()
+    }
 }
 
 /// A basis and what it is made of.
@@ -60,7 +74,10 @@ pub struct Engine {
     basis: TransportBasis,
     /// See [`TransportBasis::halves`].
     halves: OnceLock<TransportBasis>,
-    focus: Option<Focus>,
+    /// The halves of a smaller picture.
+    reduced: OnceLock<TransportBasis>,
+    /// What it is made around.
+    focus: Option<Vec<Aim>>,
     seed: u64,
     /// Where it is stored, and how many samples are there.
     stored: Option<(PathBuf, u32)>,
@@ -91,11 +108,10 @@ impl Plan {
                 value: f64::from(scene.background_value()),
             },
         };
-        // A basis around what is found lies beside the first; one of them is rendered at a time.
+        // A basis around what is found lies beside the first.
         let need = |plan: &Self| {
-            let (first, focused) = (plan.layout(scene, options, None), plan.focused_layout(scene, options));
-            let tables = [&first, &focused].map(|l| l.table_memory(REPLICATES + HALVES)).iter().sum::<u64>();
-            tables + first.film_memory().max(focused.film_memory())
+            let layouts = [plan.layout(scene, options, None), plan.focused_layout(scene, options)];
+            layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>()
         };
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
             plan.knots -= 4;
@@ -119,22 +135,28 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The layout of a basis around some lights.
+    /// The layout of a basis around different lights for as many looks as there may be at once.
     fn focused_layout(&self, scene: &Scene, options: &RunOptions) -> Layout {
-        self.layout(scene, options, Some(&Focus { lighting: self.fixed.clone(), weights: Vec::new() }))
+        let n = options.jobs.len().clamp(1, MAX_TOGETHER);
+        let at = |i: usize, [lo, hi]: [f32; 2]| f64::from(lo * (hi / lo).powf((i as f32 + 0.5) / n as f32));
+        let aim = |i: usize| {
+            let size = self.sizes.iter().map(|range| range.map_or(0.0, |range| at(i, range))).collect();
+            Aim { lighting: LightingPoint { size, ..self.fixed.clone() }, weights: Vec::new() }
+        };
+        self.layout(scene, options, Some(&(0..n).map(aim).collect::<Vec<_>>()))
     }
 
-    /// The layout, with knots around the sizes of `focus` if given.
-    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&Focus>) -> Layout {
+    /// The layout, with knots around the sizes in `focus` if given.
+    fn layout(&self, scene: &Scene, options: &RunOptions, focus: Option<&[Aim]>) -> Layout {
         let bins = self.sizes.iter().enumerate().map(|(l, range)| match (range, focus) {
             (None, _) => SizeBins::Fixed(scene.lights[l].size),
             (Some([lo, hi]), None) => {
                 SizeBins::Free(Knots::geometric(f64::from(*lo), f64::from(*hi), self.knots))
             }
-            (Some([lo, hi]), Some(x)) => SizeBins::Free(Knots::around(
+            (Some([lo, hi]), Some(aims)) => SizeBins::Free(Knots::around(
                 f64::from(*lo),
                 f64::from(*hi),
-                x.lighting.size[l],
+                &aims.iter().map(|aim| aim.lighting.size[l]).collect::<Vec<_>>(),
                 FOCUS,
                 self.knots.min(FOCUS_KNOTS),
             )),
@@ -148,17 +170,20 @@ impl Plan {
 
     /// Makes the scene sample every size and the largest value, most of all what is
     /// in focus.
-    fn open(&self, scene: &mut Scene, focus: Option<&Focus>) {
+    fn open(&self, scene: &mut Scene, focus: Option<&[Aim]>) {
         scene.select_all_lights();
-        if let Some(focus) = focus {
-            scene.select_lights(&focus.weights);
+        if let Some(aims) = focus {
+            scene.select_lights(&Aim::light_weights(aims));
         }
         for (l, (light, range)) in scene.lights.iter_mut().zip(&self.sizes).enumerate() {
-            if let Some(range) = *range {
-                let likely = |f: &Focus| (f.lighting.size[l] * (1.0 + FOCUS)) as f32;
-                light.size_density = focus
-                    .map_or_else(|| SizeDensity::any_size(range), |f| SizeDensity::focused(range, likely(f)));
-            }
+            let Some(range) = *range else { continue };
+            light.size_density = match focus {
+                None => SizeDensity::any_size(range),
+                Some(aims) => {
+                    let likely = Aim::sizes(aims, l).into_iter().map(|(s, w)| (s * (1.0 + FOCUS as f32), w));
+                    SizeDensity::focused(range, &likely.collect::<Vec<_>>())
+                }
+            };
         }
         if let Some(v) = self.value {
             scene.set_background_value(v, v);
@@ -191,6 +216,7 @@ impl Engine {
             plan,
             basis: TransportBasis::new(layout.clone(), REPLICATES),
             halves: OnceLock::new(),
+            reduced: OnceLock::new(),
             focus: None,
             seed,
             stored,
@@ -207,6 +233,7 @@ impl Engine {
                         path.display(),
                         *samples * REPLICATES as u32
                     ));
+                    engine.derive();
                     return Ok(engine);
                 }
                 Ok(_) => {}
@@ -256,20 +283,30 @@ impl Engine {
         let mut left = spp.div_ceil(replicates).max(1);
         let renders = left.div_ceil(UNINTERRUPTED) * replicates;
         reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y * renders)));
-        self.plan.open(scene, self.focus.as_ref());
+        self.plan.open(scene, self.focus.as_deref());
         self.halves.take();
+        self.reduced.take();
         let source =
             Source { scene, integrator: &camera.integrator, sampler: camera.sampler, seed: self.seed };
         while left > 0 {
             if reporter.cancelled() {
-                let is_empty = self.basis.n_samples() == 0;
-                return if is_empty { Err(RenderError::Cancelled.into()) } else { Ok(()) };
+                if self.basis.n_samples() == 0 {
+                    return Err(RenderError::Cancelled.into());
+                }
+                break;
             }
             let count = left.min(UNINTERRUPTED);
             self.basis.render(source, count, &Unstoppable(reporter))?;
             left -= count;
         }
+        self.derive();
         Ok(())
+    }
+
+    /// Makes what evaluations need of the basis: before any of them, since all threads would
+    /// wait for the one that came first.
+    fn derive(&self) {
+        self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));
     }
 
     /// Samples per pixel of all replicates.
@@ -286,16 +323,23 @@ impl Engine {
         self.basis.picture(&LightingPoint { radiance: vec![1.0; x.radiance.len()], ..x.clone() })
     }
 
-    /// An empty basis around what was found.
+    /// A lighting at which samples are aimed, in proportion to `share`.
     #[must_use]
-    pub fn around(&self, lighting: LightingPoint, round: u32, scene: &Scene, options: &RunOptions) -> Self {
-        let weights = self.basis.shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt() as f32).collect();
-        let focus = Focus { lighting, weights };
+    pub fn aim(&self, lighting: LightingPoint, share: f64) -> Aim {
+        let weights: Vec<f64> = self.basis.shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt()).collect();
+        let scale = share / weights.iter().sum::<f64>();
+        Aim { lighting, weights: weights.into_iter().map(|w| (w * scale) as f32).collect() }
+    }
+
+    /// An empty basis around what was found for some looks.
+    #[must_use]
+    pub fn around(&self, aims: Vec<Aim>, round: u32, scene: &Scene, options: &RunOptions) -> Self {
         Self {
             plan: self.plan.clone(),
-            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&focus)), REPLICATES),
+            basis: TransportBasis::new(self.plan.layout(scene, options, Some(&aims)), REPLICATES),
             halves: OnceLock::new(),
-            focus: Some(focus),
+            reduced: OnceLock::new(),
+            focus: Some(aims),
             seed: hash_words(&[self.seed, u64::from(round) + 1]),
             stored: None,
         }
@@ -335,37 +379,41 @@ impl Engine {
         self.basis.picture(x)
     }
 
-    /// f_q of the problem as a function of its variables.
+    /// f_q as a function of the variables.
     #[must_use]
-    pub fn evaluator<'a>(&'a self, problem: &'a Problem) -> Evaluator<'a> {
+    pub fn evaluator<'a>(&'a self, setting: &'a Setting, objective: &'a Objective) -> Evaluator<'a> {
         Evaluator {
             basis: &self.basis,
             halves: self.halves(),
-            objective: problem.objective,
-            variables: problem.variables,
+            objective,
+            variables: setting.variables,
             fixed: &self.plan.fixed,
-            luminance: problem.options.luminance,
-            exposure: f64::from(problem.scene.exposure),
+            luminance: setting.options.luminance,
+            exposure: f64::from(setting.scene.exposure),
         }
     }
 
-    /// The same problem on a smaller picture; `None` where object or background are
-    /// too small for it.
+    /// As [`Self::evaluator`], of the smaller picture.
     #[must_use]
-    pub fn reduced(&self, problem: &Problem) -> Option<(TransportBasis, Objective)> {
-        let size = problem.options.work_size / REDUCTION;
-        let wide = problem.aovs.width;
-        let (side, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
-        // A small pixel is the object's when most of its pixels are.
-        let mask: Vec<bool> = (0..size.element_product() as usize)
-            .map(|i| {
-                let (x, y) = (i % size.x as usize * side, i / size.x as usize * side);
-                let covered =
-                    (0..n).filter(|k| problem.aovs.mask[(y + k / side) * wide + x + k % side]).count();
-                2 * covered >= n
-            })
-            .collect();
-        let objective = Objective::new(problem.target, size.x as usize, size.y as usize, &mask).ok()?;
-        Some((self.halves().reduced(REDUCTION), objective))
+    pub fn reduced<'a>(&'a self, setting: &'a Setting, objective: &'a Objective) -> Evaluator<'a> {
+        let basis = self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));
+        Evaluator { basis, halves: basis, ..self.evaluator(setting, objective) }
     }
+}
+
+/// What is asked of a smaller picture; `None` where object or background are too small for
+/// it.
+pub fn reduced_objective(setting: &Setting, target: &Target) -> Option<Objective> {
+    let size = setting.options.work_size / REDUCTION;
+    let wide = setting.aovs.width;
+    let (side, n) = (REDUCTION as usize, (REDUCTION * REDUCTION) as usize);
+    // A small pixel is the object's when most of its pixels are.
+    let mask: Vec<bool> = (0..size.element_product() as usize)
+        .map(|i| {
+            let (x, y) = (i % size.x as usize * side, i / size.x as usize * side);
+            let covered = (0..n).filter(|k| setting.aovs.mask[(y + k / side) * wide + x + k % side]).count();
+            2 * covered >= n
+        })
+        .collect();
+    Objective::new(target, size.x as usize, size.y as usize, &mask).ok()
 }

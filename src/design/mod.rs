@@ -2,18 +2,20 @@
 //!
 //! One direction: survey (bounds and start) ─▶ optimisation at the working
 //! size ─▶ check render ─▶ final render, all recorded in a run directory per
-//! target. Optimisation is on the [transport basis](crate::transport), or in paper
+//! target. Several targets are optimised together, from the same renders. Optimisation is on the [transport basis](crate::transport), or in paper
 //! mode by finite differences of fresh renders.
 //! Every stage draws from seeds of its own, so that what is reported comes
 //! from samples that chose nothing.
 
 pub mod attainable;
 mod basis;
+mod check;
 mod coordinates;
 mod engine;
 pub mod evaluator;
 pub mod manifest;
 mod optimise;
+mod precision;
 mod search;
 pub mod shot;
 
@@ -27,8 +29,9 @@ use serde_json::{Value, json};
 
 use crate::{
     audit::{AuditError, RunDir, lights::Lighting, picture, write_whole},
-    film::{exr::write_exr, image_file::write_png},
+    film::{Picture, exr::write_exr, image_file::write_png},
     integrator::{Integrator, Observer, RenderError, aov},
+    light::SizeDensity,
     math::{display::LuminanceMode, hash::hash_words},
     objective::{Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Target, Term},
     optim::{OptimError, StopReason},
@@ -72,7 +75,7 @@ pub struct RunOptions {
     pub global: bool,
     /// Error of f_q (95 %) at which no more samples are added.
     pub tolerance: f64,
-    /// Time after which no more samples are added for a target.
+    /// Time after which no more samples are added for targets that are optimised together.
     pub time_limit: Option<Duration>,
     /// Where bases are kept for later runs.
     pub cache: Option<PathBuf>,
@@ -125,7 +128,7 @@ pub struct RunReport {
     pub reach: Vec<attainable::Reach>,
     /// Why the result may not be what was meant.
     pub caution: Option<String>,
-    /// Wall time, s.
+    /// Wall time from the beginning of the run, s.
     pub seconds: f64,
 }
 
@@ -170,15 +173,27 @@ impl From<crate::film::image_file::ImageFileError> for RunError {
     }
 }
 
-/// What is optimised for one job.
-struct Problem<'a> {
+/// What all jobs have in common.
+struct Setting<'a> {
     scene: &'a mut Scene,
+    /// Takes the working pictures.
     camera: &'a Camera,
-    objective: &'a Objective,
     variables: &'a ParamVector,
     aovs: &'a aov::Aovs,
     options: &'a RunOptions,
-    target: &'a Target,
+}
+
+/// A job being done.
+struct Task<'a> {
+    job: &'a Job,
+    objective: Objective,
+    /// The same of the picture on which starts are screened.
+    reduced: Option<Objective>,
+    /// Where a search may begin, in the optimiser's units.
+    starts: Vec<(String, Vec<f64>)>,
+    dir: RunDir,
+    /// f_q at the start.
+    initial: JackknifeEstimate,
 }
 
 /// Follows a run.
@@ -222,6 +237,11 @@ fn seed_for(seed: u64, purpose: Purpose) -> u64 {
     hash_words(&[seed, purpose as u64])
 }
 
+/// Camera subpaths for each light subpath of a working picture: where those find much light that
+/// next-event estimation does not, more samples will make up for it.
+const CAMERA_SUBPATHS: u32 = 4;
+/// Targets optimised together at most: each has its own part of the samples.
+const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
 /// Replicates of a render whose f_q is reported in paper mode.
 const CHECK_REPLICATES: u32 = 8;
 /// Samples of its check and initial renders, times those of a working render.
@@ -251,6 +271,8 @@ pub fn run(
     }
     let camera =
         Camera { integrator: options.integrator, sampler: options.sampler, luminance: options.luminance };
+    let integrator = Integrator { camera_subpaths: CAMERA_SUBPATHS, ..camera.integrator };
+    let working = Camera { integrator, ..camera };
     scene.camera.resize(options.work_size);
     let aovs = aov::trace(scene);
     let objectives = options
@@ -267,101 +289,64 @@ pub fn run(
     scene.set_background_value(1.0_f32.min(largest_value), largest_value);
     let mut renders = 1;
     let (mut engine, unit) = match options.gradient {
-        Gradient::Fd => (None, unit_picture(scene, &camera, options, reporter)?),
+        Gradient::Fd => (None, unit_picture(scene, &working, options, reporter)?),
         Gradient::Basis => {
             let plan = engine::Plan::new(scene, &sizes, range.map(|[_, hi]| hi), options, reporter)?;
-            let engine = engine::Engine::new(plan, scene, &camera, options, reporter)?;
+            let engine = engine::Engine::new(plan, scene, &working, options, reporter)?;
             let unit = engine.unit_picture();
             (Some(engine), unit)
         }
     };
     let variables = survey::variables(scene, &unit, &sizes, &options.free, options.luminance)?;
     let before = start.elapsed();
+    let together = if engine.is_some() { MAX_TOGETHER } else { 1 };
     let mut reports = Vec::new();
-    for (job, objective) in options.jobs.iter().zip(&objectives) {
+    let jobs: Vec<(&Job, &Objective)> = options.jobs.iter().zip(&objectives).collect();
+    for jobs in jobs.chunks(together) {
         let clock = Instant::now();
         scene.camera.resize(options.work_size);
         scene.select_all_lights();
         scene.set_background_value(1.0_f32.min(largest_value), largest_value);
-        let manifest = manifest::text(scene, scene_path, options, &job.target, &variables)?;
-        let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
-        dir.log_timing(&json!({"stage": "survey", "seconds": before.as_secs_f64()}))?;
-        let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
-        let starts = survey::starts(scene, &unit, &aovs.mask, &variables, means, options.luminance);
-        let x0 = variables.decode(&variables.start());
-        let mut problem = Problem {
-            scene: &mut *scene,
-            camera: &camera,
-            objective,
-            variables: &variables,
-            aovs: &aovs,
-            options,
-            target: &job.target,
-        };
-        let initial = match &engine {
-            Some(engine) => engine.evaluator(&problem).estimate(&variables.start(), LABELLINGS)?,
-            None => measure(&mut problem, &x0, Purpose::Initial, "measuring the start", reporter)?,
-        };
-        reporter.note(&format!(
-            "{}: start: f_q {:.4} ± {:.4}",
-            job.target.name(),
-            initial.evaluation.f_q,
-            initial.error_bar()
-        ));
+        let mut setting =
+            Setting { scene: &mut *scene, camera: &working, variables: &variables, aovs: &aovs, options };
+        let mut tasks = jobs
+            .iter()
+            .map(|(job, objective)| {
+                begin(job, objective, scene_path, &unit, &mut setting, engine.as_ref(), before, reporter)
+            })
+            .collect::<Result<Vec<_>, _>>()?;
         let found = match &mut engine {
-            Some(engine) => basis::optimise(engine, &starts, &mut problem, &mut dir, &mut renders, reporter)?,
-            None => {
-                let optimise::Found { u, evaluations, stop } =
-                    optimise::by_differences(&starts, &mut problem, &mut dir, &mut renders, reporter)?;
-                let stage = "checking the result with new samples";
-                let check = measure(&mut problem, &variables.decode(&u), Purpose::Check, stage, reporter)?;
-                renders += 2;
-                basis::Found { u, check, evaluations, stop, reach: Vec::new() }
-            }
+            Some(engine) => basis::optimise(engine, &mut tasks, &mut setting, &mut renders, reporter)?,
+            None => tasks
+                .iter_mut()
+                .map(|task| find_by_differences(task, &mut setting, &mut renders, reporter))
+                .collect::<Result<_, _>>()?,
         };
-        let x = variables.decode(&found.u);
-        let check = found.check;
-        reporter.note(&format!(
-            "{}: f_q {:.4} ± {:.4}",
-            job.target.name(),
-            check.evaluation.f_q,
-            check.error_bar()
-        ));
-        let caution = attainable::degenerate(&check.evaluation, &variables, &x);
-        caution.iter().for_each(|line| reporter.note(line));
-        dir.log_timing(&json!({"stage": "found", "seconds": clock.elapsed().as_secs_f64()}))?;
-
-        let finale = Finale { camera: &camera, options, job, variables: &variables, reporter };
-        let value_at =
-            |x: &[f64]| variables.background_value(x).map_or(1.0_f32.min(largest_value), |v| v as f32);
-        scene.camera.resize(options.size);
-        variables.apply(scene, &x0);
-        scene.set_background_value(value_at(&x0), value_at(&x0));
-        scene.select_shining_lights();
-        finale.take(scene, "initial", &x0, (options.final_spp / INITIAL_SHARE).max(1))?;
-        variables.apply(scene, &x);
-        let value = value_at(&x);
-        scene.set_background_value(value, value);
-        scene.select_shining_lights();
-        let last = finale.take(scene, "final", &x, options.final_spp)?;
-        renders += 2;
-        let value = (!scene.background().is_empty()).then_some(value);
-        write_whole(&job.out.join("lights.toml"), toml::to_string(&Lighting::of(scene, value))?)?;
-        let seconds = (before + clock.elapsed()).as_secs_f64();
-        dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
-        reports.push(RunReport {
-            initial,
-            check,
-            last,
-            variables: variables.clone(),
-            x,
-            renders,
-            evaluations: found.evaluations,
-            stop: found.stop,
-            reach: found.reach,
-            caution,
-            seconds,
-        });
+        let seconds = clock.elapsed().as_secs_f64();
+        for (mut task, found) in tasks.into_iter().zip(found) {
+            let (check, look) = (&found.check, task.job.target.name());
+            reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
+            let caution = attainable::degenerate(&check.evaluation, &variables, &variables.decode(&found.u));
+            caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+            task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
+            let last = take_pictures(&task, &found.u, &camera, &mut setting, largest_value, reporter)?;
+            renders += 2;
+            let seconds = start.elapsed().as_secs_f64();
+            task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+            reports.push(RunReport {
+                initial: task.initial,
+                check: found.check,
+                last,
+                variables: variables.clone(),
+                x: variables.decode(&found.u),
+                renders,
+                evaluations: found.evaluations,
+                stop: found.stop,
+                reach: found.reach,
+                caution,
+                seconds,
+            });
+        }
         if reporter.cancelled() {
             break;
         }
@@ -372,13 +357,59 @@ pub fn run(
     Ok(reports)
 }
 
+/// Opens a job's record and measures its start.
+#[allow(clippy::too_many_arguments)]
+fn begin<'a>(
+    job: &'a Job,
+    objective: &Objective,
+    scene_path: &Path,
+    unit: &Picture,
+    setting: &mut Setting<'a>,
+    engine: Option<&engine::Engine>,
+    surveyed: Duration,
+    reporter: &impl Reporter,
+) -> Result<Task<'a>, RunError> {
+    let Setting { scene, variables, options, aovs, .. } = &*setting;
+    let manifest = manifest::text(scene, scene_path, options, &job.target, variables)?;
+    let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
+    dir.log_timing(&json!({"stage": "survey", "seconds": surveyed.as_secs_f64()}))?;
+    let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
+    let starts = survey::starts(scene, unit, &aovs.mask, variables, means, options.luminance);
+    let initial = match engine {
+        Some(engine) => engine.evaluator(setting, objective).estimate(&variables.start(), LABELLINGS)?,
+        None => {
+            let x0 = variables.decode(&variables.start());
+            measure(objective, setting, &x0, Purpose::Initial, "measuring the start", reporter)?
+        }
+    };
+    let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
+    reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", job.target.name()));
+    let reduced = engine::reduced_objective(setting, &job.target);
+    Ok(Task { job, objective: objective.clone(), reduced, starts, dir, initial })
+}
+
+/// Paper mode: finds the lights and checks them.
+fn find_by_differences<'a>(
+    task: &mut Task<'a>,
+    setting: &mut Setting<'a>,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<basis::Found, RunError> {
+    let optimise::Found { u, evaluations, stop } =
+        optimise::by_differences(task, setting, renders, reporter)?;
+    let (x, stage) = (setting.variables.decode(&u), "checking the result with new samples");
+    let check = measure(&task.objective, setting, &x, Purpose::Check, stage, reporter)?;
+    *renders += 2;
+    Ok(basis::Found { u, check, evaluations, stop, reach: Vec::new() })
+}
+
 /// A render with every light at radiance 1.
 fn unit_picture(
     scene: &mut Scene,
     camera: &Camera,
     options: &RunOptions,
     reporter: &impl Reporter,
-) -> Result<crate::film::Picture, RunError> {
+) -> Result<Picture, RunError> {
     let authored: Vec<(f32, f32)> = scene.lights.iter().map(|l| (l.radiance, l.size)).collect();
     for (i, (_, size)) in authored.iter().enumerate() {
         scene.set_light(i, 1.0, *size);
@@ -392,13 +423,14 @@ fn unit_picture(
 
 /// Takes a render whose f_q is reported in paper mode.
 fn measure(
-    problem: &mut Problem,
+    objective: &Objective,
+    setting: &mut Setting,
     x: &[f64],
     purpose: Purpose,
     stage: &str,
     reporter: &impl Reporter,
 ) -> Result<JackknifeEstimate, RunError> {
-    let Problem { scene, camera, objective, variables, options, .. } = problem;
+    let Setting { scene, camera, variables, options, .. } = setting;
     reporter.stage(stage, Some(u64::from(options.work_size.y * CHECK_REPLICATES)));
     variables.apply(scene, x);
     let spp = CHECK_FACTOR * options.spp;
@@ -416,32 +448,43 @@ impl<R: Reporter> Observer for Unstoppable<'_, R> {
     }
 }
 
-/// Takes the full-size pictures.
-struct Finale<'a, R> {
-    camera: &'a Camera,
-    options: &'a RunOptions,
-    job: &'a Job,
-    variables: &'a ParamVector,
-    reporter: &'a R,
-}
-
-impl<R: Reporter> Finale<'_, R> {
-    /// Renders the scene as it is, writes `NAME.exr` and `NAME.png`, and
-    /// returns the f_q of what was written.
-    fn take(&self, scene: &Scene, name: &str, x: &[f64], spp: u32) -> Result<Evaluation, RunError> {
-        self.reporter.stage(&format!("{name} picture"), Some(u64::from(self.options.size.y)));
-        let shot = self.camera.shoot(scene, self.options.seed, spp, 1, &Unstoppable(self.reporter))?;
+/// Takes the full-size pictures of the start and of what was found, writes the lights, and
+/// returns the f_q of the last picture as it was written.
+fn take_pictures(
+    task: &Task,
+    found: &[f64],
+    camera: &Camera,
+    setting: &mut Setting,
+    largest_value: f32,
+    reporter: &impl Reporter,
+) -> Result<Evaluation, RunError> {
+    let (variables, options, out) = (setting.variables, setting.options, &task.job.out);
+    setting.scene.camera.resize(options.size);
+    let mut take = |name: &str, u: &[f64], spp: u32| {
+        let x = variables.decode(u);
+        let scene = &mut *setting.scene;
+        variables.apply(scene, &x);
+        let value = variables.background_value(&x).map_or(1.0_f32.min(largest_value), |v| v as f32);
+        scene.set_background_value(value, value);
+        scene.select_shining_lights();
+        reporter.stage(&format!("{name} picture"), Some(u64::from(options.size.y)));
+        let shot = camera.shoot(scene, options.seed, spp, 1, &Unstoppable(reporter))?;
         let aovs = aov::trace(scene);
-        let objective = Objective::new(&self.job.target, aovs.width, aovs.height, &aovs.mask)?;
+        let objective = Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask)?;
         let evaluation = objective.evaluate(&shot.display());
-        let attribute = attribute(scene, self.options, &self.job.target, self.variables, x, &evaluation, spp);
+        let attribute = attribute(scene, options, &task.job.target, variables, &x, &evaluation, spp);
         let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
         let exposure = f64::from(scene.exposure);
-        let exr = picture::exr(&shot.picture, &aovs, &names, exposure, self.options.luminance, attribute);
-        write_exr(&self.job.out.join(format!("{name}.exr")), &exr)?;
-        write_png(&self.job.out.join(format!("{name}.png")), &picture::beauty(&shot.picture), exposure)?;
-        Ok(evaluation)
-    }
+        let exr = picture::exr(&shot.picture, &aovs, &names, exposure, options.luminance, attribute);
+        write_exr(&out.join(format!("{name}.exr")), &exr)?;
+        write_png(&out.join(format!("{name}.png")), &picture::beauty(&shot.picture), exposure)?;
+        Ok::<_, RunError>((evaluation, value))
+    };
+    take("initial", &variables.start(), (options.final_spp / INITIAL_SHARE).max(1))?;
+    let (evaluation, value) = take("final", found, options.final_spp)?;
+    let value = (!setting.scene.background().is_empty()).then_some(value);
+    write_whole(&out.join("lights.toml"), toml::to_string(&Lighting::of(setting.scene, value))?)?;
+    Ok(evaluation)
 }
 
 /// The `lightopt` attribute of a run's picture: enough to evaluate it again.

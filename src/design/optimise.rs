@@ -5,9 +5,9 @@ use std::{ops::ControlFlow, time::Instant};
 
 use serde_json::json;
 
-use super::{Problem, Progress, Purpose, Reporter, RunError, Shot, attribute, seed_for};
+use super::{Progress, Purpose, Reporter, RunError, Setting, Shot, Task, attribute, seed_for};
 use crate::{
-    audit::{RunDir, picture},
+    audit::picture,
     integrator::RenderError,
     objective::Smoothing,
     optim::{self, Interrupt, OptimError, StopReason, difference},
@@ -46,8 +46,8 @@ pub struct Found {
 }
 
 struct Search<'a, 'b, R> {
-    problem: &'a mut Problem<'b>,
-    dir: &'a mut RunDir,
+    setting: &'a mut Setting<'b>,
+    task: &'a mut Task<'b>,
     renders: &'a mut u64,
     reporter: &'a R,
     step: f64,
@@ -57,20 +57,19 @@ struct Search<'a, 'b, R> {
     best: Option<(f64, Vec<f64>)>,
 }
 
-/// Optimises from the best of `starts`.
-pub fn by_differences(
-    starts: &[(String, Vec<f64>)],
-    problem: &mut Problem<'_>,
-    dir: &mut RunDir,
+/// Optimises from the best of the task's starts.
+pub fn by_differences<'a>(
+    task: &mut Task<'a>,
+    setting: &mut Setting<'a>,
     renders: &mut u64,
     reporter: &impl Reporter,
 ) -> Result<Found, RunError> {
-    let n = problem.variables.len();
-    let budget = problem.options.max_evaluations;
+    let n = setting.variables.len();
+    let budget = setting.options.max_evaluations;
     let mut search =
-        Search { problem, dir, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
+        Search { setting, task, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
     reporter.stage("optimising", None);
-    let start = search.choose(starts)?;
+    let start = search.choose()?;
     match search.find_step(&start) {
         Ok(step) => search.step = step,
         Err(RunError::Render(RenderError::Cancelled)) => {
@@ -131,24 +130,25 @@ pub fn by_differences(
 
 impl<R: Reporter> Search<'_, '_, R> {
     fn shoot(&mut self, u: &[f64], purpose: Purpose) -> Result<Shot, RunError> {
-        let Problem { scene, camera, variables, options, .. } = &mut *self.problem;
+        let Setting { scene, camera, variables, options, .. } = &mut *self.setting;
         variables.apply(scene, &variables.decode(u));
         *self.renders += 1;
         Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
     }
 
     /// The start with the least f_q; after an interrupt, of those measured.
-    fn choose(&mut self, starts: &[(String, Vec<f64>)]) -> Result<Vec<f64>, RunError> {
+    fn choose(&mut self) -> Result<Vec<f64>, RunError> {
+        let starts = self.task.starts.clone();
         let mut best: Option<(f64, &(String, Vec<f64>))> = None;
-        for start in starts {
+        for start in &starts {
             let shot = match self.shoot(&start.1, Purpose::Optimise) {
                 Err(RunError::Render(RenderError::Cancelled)) => break,
                 shot => shot?,
             };
-            let f_q = shot.smoothed(self.problem.objective, &Smoothing::NONE);
-            self.dir.log_evaluation(&json!({
+            let f_q = shot.smoothed(&self.task.objective, &Smoothing::NONE);
+            self.task.dir.log_evaluation(&json!({
                 "start": start.0,
-                "x": self.problem.variables.named(&self.problem.variables.decode(&start.1)),
+                "x": self.setting.variables.named(&self.setting.variables.decode(&start.1)),
                 "f_q": f_q,
                 "renders": *self.renders,
             }))?;
@@ -173,7 +173,7 @@ impl<R: Reporter> Search<'_, '_, R> {
                 let along = NOISE_SPACING * i as f64;
                 let u: Vec<f64> =
                     start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
-                Ok(self.shoot(&u, Purpose::Optimise)?.smoothed(self.problem.objective, &smoothing))
+                Ok(self.shoot(&u, Purpose::Optimise)?.smoothed(&self.task.objective, &smoothing))
             })
             .collect::<Result<Vec<f64>, RunError>>()?;
         let noise = difference::noise(&values);
@@ -188,16 +188,17 @@ impl<R: Reporter> Search<'_, '_, R> {
     fn evaluate(&mut self, u: &[f64], smoothing: &Smoothing) -> Result<(f64, Vec<f64>), RunError> {
         let clock = Instant::now();
         let shot = self.shoot(u, Purpose::Optimise)?;
-        let measured = shot.measure(self.problem.objective)?;
-        let f = shot.smoothed(self.problem.objective, smoothing);
+        let measured = shot.measure(&self.task.objective)?;
+        let f = shot.smoothed(&self.task.objective, smoothing);
         let step = self.step;
         let slopes = difference::gradient(u, f, step, |u| {
             let shot = self.shoot(u, Purpose::Optimise)?;
-            Ok::<_, RunError>(shot.smoothed(self.problem.objective, smoothing))
+            Ok::<_, RunError>(shot.smoothed(&self.task.objective, smoothing))
         })?;
         self.evaluations += 1;
 
-        let Problem { scene, variables, options, aovs, target, .. } = &mut *self.problem;
+        let Setting { scene, variables, options, aovs, .. } = &mut *self.setting;
+        let target = &self.task.job.target;
         let x = variables.decode(u);
         let f_q = measured.plain.f_q;
         let line = json!({
@@ -211,8 +212,8 @@ impl<R: Reporter> Search<'_, '_, R> {
             "smoothing": smoothing.delta,
             "renders": *self.renders,
         });
-        self.dir.log_evaluation(&line)?;
-        self.dir.log_timing(&json!({
+        self.task.dir.log_evaluation(&line)?;
+        self.task.dir.log_timing(&json!({
             "stage": "evaluation",
             "evaluation": self.evaluations,
             "seconds": clock.elapsed().as_secs_f64(),
@@ -223,7 +224,7 @@ impl<R: Reporter> Search<'_, '_, R> {
             let attribute = attribute(scene, options, target, variables, &x, &measured.plain, options.spp);
             let exposure = f64::from(scene.exposure);
             let exr = picture::exr(&shot.picture, aovs, &names, exposure, options.luminance, attribute);
-            self.dir.log_iterations(&[(line, exr)])?;
+            self.task.dir.log_iterations(&[(line, exr)])?;
             self.iterations += 1;
             self.best = Some((f_q, u.to_vec()));
         }

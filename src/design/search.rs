@@ -3,7 +3,7 @@
 //! Starts are the given ones and points of a low-discrepancy set. All are
 //! measured on a reduced picture; the best of them that lie apart descend there;
 //! the best of what these find descend on the whole picture, with less and less
-//! smoothing, and at last settle in the kinks of f_q. All descents move in
+//! smoothing, and the best of them at last settles in the kinks of f_q. All descents move in
 //! [coordinates](super::coordinates) in which a light keeps its flux. What wins is the least
 //! f_q, unsmoothed and freed of noise bias.
 
@@ -56,6 +56,20 @@ pub struct Polished {
     pub evaluations: Vec<(Vec<f64>, f64, f64)>,
     /// Why the last stage ended.
     pub stop: StopReason,
+}
+
+impl Polished {
+    fn new(whole: &Evaluator, descent: Descent) -> Result<Self, OptimError> {
+        let Descent { u, evaluations, stop, .. } = descent;
+        let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+        Ok(Self { u, estimate, evaluations, stop })
+    }
+
+    /// The end of a later descent, with the evaluations of both.
+    #[must_use]
+    pub fn followed_by(&self, next: &Self) -> Self {
+        Self { evaluations: [self.evaluations.clone(), next.evaluations.clone()].concat(), ..next.clone() }
+    }
 }
 
 /// Smoothing and the largest component of the first trial step of the stages.
@@ -156,11 +170,16 @@ pub fn search(
         .into_par_iter()
         .map(|k| {
             let (i, u, _) = &coarse[k];
-            Ok((*i, refine(whole, u, cancelled)?))
+            Ok((*i, Polished::new(whole, descend(whole, u, &STAGES[1..], cancelled)?)?))
         })
         .collect::<Result<_, OptimError>>()?;
+    let f_q = |p: &Polished| p.estimate.evaluation.f_q;
+    let best = polished.iter().min_by(|a, b| f_q(&a.1).total_cmp(&f_q(&b.1))).map(|(i, _)| *i);
     for (i, p) in polished {
         trials[i].polished = Some(p);
+    }
+    if let Some(best) = best.and_then(|i| trials[i].polished.as_mut()) {
+        *best = best.followed_by(&Polished::new(whole, settle(whole, &best.u, cancelled)?)?);
     }
     Ok(trials)
 }
@@ -202,9 +221,9 @@ pub fn refine(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
     let descent = descend(whole, u, &STAGES[1..], cancelled)?;
-    let Descent { u, evaluations, stop, .. } = settle(whole, descent, cancelled)?;
-    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
-    Ok(Polished { u, estimate, evaluations, stop })
+    let mut settled = settle(whole, &descent.u, cancelled)?;
+    settled.evaluations.splice(0..0, descent.evaluations);
+    Polished::new(whole, settled)
 }
 
 struct Descent {
@@ -274,10 +293,11 @@ fn descend(
 /// Goes on from where a descent ended, into the kinks of the terms' moduli and along them.
 fn settle(
     whole: &Evaluator,
-    descent: Descent,
+    u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Descent, OptimError> {
-    let mut out = descent;
+    let stop = StopReason::Interrupted;
+    let mut out = Descent { u: u.to_vec(), best: f64::INFINITY, evaluations: Vec::new(), stop };
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::default();
@@ -296,7 +316,7 @@ fn settle(
         Ok(outcome) => {
             Ok(Descent { u: coordinates.to_cube(&outcome.x), best: outcome.f, stop: outcome.stop, ..out })
         }
-        Err(OptimError::NothingEvaluated) => Ok(Descent { stop: StopReason::Interrupted, ..out }),
+        Err(OptimError::NothingEvaluated) => Ok(out),
         Err(e) => Err(e),
     }
 }

@@ -31,8 +31,6 @@ pub struct Shot {
     /// Mean over the replicates.
     pub picture: Picture,
     replicates: Vec<Vec<[f32; 3]>>,
-    /// Samples per pixel of a replicate.
-    count: u32,
     exposure: f64,
     luminance: LuminanceMode,
 }
@@ -61,22 +59,6 @@ impl Camera {
         n_replicates: u32,
         observer: &impl Observer,
     ) -> Result<Shot, RenderError> {
-        self.shoot_from(scene, seed, 0, spp, n_replicates, observer)
-    }
-
-    /// As [`Self::shoot`], after the first `first` samples of each replicate.
-    ///
-    /// # Errors
-    /// Those of [`Integrator::render`].
-    pub fn shoot_from(
-        &self,
-        scene: &Scene,
-        seed: u64,
-        first: u32,
-        spp: u32,
-        n_replicates: u32,
-        observer: &impl Observer,
-    ) -> Result<Shot, RenderError> {
         let states: Vec<LightState> =
             scene.lights.iter().map(|l| LightState { radiance: l.radiance, size: l.size }).collect();
         let radiance: Vec<f32> = states.iter().map(|s| s.radiance).collect();
@@ -85,7 +67,7 @@ impl Camera {
             .map(|r| {
                 let mut film = RgbFilm::new(Region::full(scene.camera.size()), &states, scene.exposure);
                 let seed = hash_words(&[seed, u64::from(r)]);
-                let sampling = Sampling { sampler: self.sampler, seed, first, count };
+                let sampling = Sampling { sampler: self.sampler, seed, first: 0, count };
                 self.integrator.render(scene, &mut film, sampling, observer)?;
                 Ok(film.develop(&radiance, count))
             })
@@ -102,7 +84,6 @@ impl Camera {
         Ok(Shot {
             picture,
             replicates: pictures.into_iter().map(|p| p.rgb).collect(),
-            count,
             exposure: f64::from(scene.exposure),
             luminance: self.luminance,
         })
@@ -118,29 +99,6 @@ fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
 }
 
 impl Shot {
-    /// Samples per pixel of a replicate.
-    #[must_use]
-    pub fn samples(&self) -> u32 {
-        self.count
-    }
-
-    /// Both together: the same replicates with the samples of `next` after these.
-    #[must_use]
-    pub fn joined(mut self, next: &Self) -> Self {
-        let total = f64::from(self.count + next.count);
-        let (a, b) = (f64::from(self.count) / total, f64::from(next.count) / total);
-        let join = |ours: &mut [[f32; 3]], theirs: &[[f32; 3]]| {
-            for (v, w) in ours.iter_mut().flatten().zip(theirs.iter().flatten()) {
-                *v = (a * f64::from(*v) + b * f64::from(*w)) as f32;
-            }
-        };
-        join(&mut self.picture.rgb, &next.picture.rgb);
-        self.picture.lights.iter_mut().zip(&next.picture.lights).for_each(|(v, w)| join(v, w));
-        self.replicates.iter_mut().zip(&next.replicates).for_each(|(v, w)| join(v, w));
-        self.count += next.count;
-        self
-    }
-
     /// Display luminance of the mean picture.
     #[must_use]
     pub fn display(&self) -> Vec<f64> {

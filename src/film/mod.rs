@@ -127,8 +127,14 @@ pub trait Film<const N: usize = 1>: Send + Sync {
     fn outside(&self) -> Self::Row<'_>;
 }
 
-/// A [`Recorder`] that moves from pixel to pixel of its row.
+/// A [`Recorder`] that moves from pixel to pixel of its row, once for each replicate.
 pub trait RowRecorder<const N: usize = 1>: Recorder<N> {
+    /// Called before the first pixel.
+    fn open(&mut self) {}
     /// Makes the `i`-th pixel of the row current.
     fn set_pixel(&mut self, i: usize);
+    /// Called when all samples of a replicate have been taken.
+    fn end_replicate(&mut self) {}
+    /// Called when all samples have been taken.
+    fn close(&mut self) {}
 }

@@ -1,11 +1,10 @@
-//! The ordinary film: one picture per light.
+//! The ordinary film: a picture per light, or per lighting.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec2;
 
 use super::{Contribution, Film, Recorder, Region, RowRecorder, SplatBuffer};
-use crate::math::Rgb;
 
 /// Radiance and size of a light while a picture is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,25 +15,38 @@ pub struct LightState {
     pub size: f32,
 }
 
-/// Sums the contributions of each light into a picture of its own, for unit
-/// radiance.
+/// Sums contributions into pictures: one of each light alone, for unit radiance, or one of each
+/// of several lightings.
 #[derive(Debug)]
-pub struct RgbFilm {
+pub struct RgbFilm<const N: usize = 1> {
     region: Region,
-    sizes: Vec<f32>,
-    /// Power of two per light that brings unit-radiance splats near display white.
+    /// By light.
+    routes: Vec<Vec<Route>>,
+    /// Power of two per picture that brings splats near display white.
     scales: Vec<f64>,
-    /// [pixel][light][rgb]
+    /// [pixel][picture][rgb]
     sums: Vec<f64>,
     splats: SplatBuffer,
     non_finite: AtomicU64,
+}
+
+/// How the contributions of a light get into a picture.
+#[derive(Clone, Copy, Debug)]
+struct Route {
+    picture: usize,
+    /// Node of the background's value.
+    node: usize,
+    /// The light's size there.
+    size: f32,
+    /// Factor on them.
+    gain: f32,
 }
 
 /// Recorder of a row of an [`RgbFilm`].
 #[derive(Debug)]
 pub struct RgbRow<'a> {
     region: Region,
-    sizes: &'a [f32],
+    routes: &'a [Vec<Route>],
     scales: &'a [f64],
     sums: &'a mut [f64],
     splats: &'a SplatBuffer,
@@ -56,45 +68,29 @@ pub struct Picture {
 }
 
 impl RgbFilm {
-    /// A film for lights in the given states; `exposure` only places the
+    /// A film for pictures of lights in the given states; `exposure` only places the
     /// fixed-point scale of the splats.
     #[must_use]
     pub fn new(region: Region, lights: &[LightState], exposure: f32) -> Self {
-        let scales = lights
-            .iter()
-            .map(|l| {
-                let white = f64::from(l.radiance) * f64::from(exposure);
-                if white > 0.0 { white.log2().round().clamp(-60.0, 60.0).exp2() } else { 1.0 }
-            })
-            .collect();
-        let n = region.n_pixels() * lights.len();
-        Self {
-            region,
-            sizes: lights.iter().map(|l| l.size).collect(),
-            scales,
-            sums: vec![0.0; 3 * n],
-            splats: SplatBuffer::new(n),
-            non_finite: AtomicU64::new(0),
-        }
+        let route = |(l, s): (usize, &LightState)| Route { picture: l, node: 0, size: s.size, gain: 1.0 };
+        let routes = lights.iter().enumerate().map(|l| vec![route(l)]).collect();
+        let whites = lights.iter().map(|l| f64::from(l.radiance) * f64::from(exposure));
+        Self::with_routes(region, routes, whites)
     }
 
     /// The mean over `n_samples` per pixel, with each light at its radiance.
     #[must_use]
     pub fn develop(&self, radiance: &[f32], n_samples: u32) -> Picture {
-        let n_lights = self.sizes.len();
+        let n_lights = self.scales.len();
         let inv = 1.0 / f64::from(n_samples.max(1));
         let mut rgb = vec![[0.0_f32; 3]; self.region.n_pixels()];
         let mut lights = vec![rgb.clone(); n_lights];
         for (i, out) in rgb.iter_mut().enumerate() {
             let mut total = [0.0_f64; 3];
             for l in 0..n_lights {
-                let cell = i * n_lights + l;
-                let splat = self.splats.get(cell, self.scales[l]);
-                for c in 0..3 {
-                    let v = (self.sums[3 * cell + c] + splat[c]) * inv * f64::from(radiance[l]);
-                    lights[l][i][c] = v as f32;
-                    total[c] += v;
-                }
+                let v = self.sum(i, l).map(|v| v * inv * f64::from(radiance[l]));
+                lights[l][i] = v.map(|v| v as f32);
+                total = std::array::from_fn(|c| total[c] + v[c]);
             }
             *out = total.map(|v| v as f32);
         }
@@ -103,7 +99,48 @@ impl RgbFilm {
     }
 }
 
-impl Film for RgbFilm {
+impl<const N: usize> RgbFilm<N> {
+    /// A film for a picture of each of `lightings`, which give the state of every light; the
+    /// k-th sees the background at its k-th node.
+    #[must_use]
+    pub fn of_lightings(region: Region, lightings: &[Vec<LightState>], exposure: f32) -> Self {
+        let n_lights = lightings.first().map_or(0, Vec::len);
+        let route = |(k, lights): (usize, &Vec<LightState>), l: usize| {
+            let LightState { radiance, size } = lights[l];
+            (radiance > 0.0).then_some(Route { picture: k, node: k, size, gain: radiance })
+        };
+        let routes = (0..n_lights)
+            .map(|l| lightings.iter().enumerate().filter_map(|lighting| route(lighting, l)).collect())
+            .collect();
+        Self::with_routes(region, routes, lightings.iter().map(|_| f64::from(exposure)))
+    }
+
+    /// `whites`: factor of each picture's values that brings them to the display's.
+    fn with_routes(region: Region, routes: Vec<Vec<Route>>, whites: impl Iterator<Item = f64>) -> Self {
+        let scale =
+            |white: f64| if white > 0.0 { white.log2().round().clamp(-60.0, 60.0).exp2() } else { 1.0 };
+        let scales: Vec<f64> = whites.map(scale).collect();
+        let n = region.n_pixels() * scales.len();
+        Self {
+            region,
+            routes,
+            scales,
+            sums: vec![0.0; 3 * n],
+            splats: SplatBuffer::new(n),
+            non_finite: AtomicU64::new(0),
+        }
+    }
+
+    /// Sum over the samples of a pixel, row by row, of a picture.
+    #[must_use]
+    pub fn sum(&self, pixel: usize, picture: usize) -> [f64; 3] {
+        let cell = pixel * self.scales.len() + picture;
+        let splat = self.splats.get(cell, self.scales[picture]);
+        std::array::from_fn(|c| self.sums[3 * cell + c] + splat[c])
+    }
+}
+
+impl<const N: usize> Film<N> for RgbFilm<N> {
     type Row<'a> = RgbRow<'a>;
 
     fn region(&self) -> Region {
@@ -111,12 +148,12 @@ impl Film for RgbFilm {
     }
 
     fn rows(&mut self) -> Vec<RgbRow<'_>> {
-        let width = (self.region.size().x as usize * self.sizes.len() * 3).max(1);
-        let (region, sizes, scales, splats, non_finite) =
-            (self.region, &self.sizes, &self.scales, &self.splats, &self.non_finite);
+        let width = (self.region.size().x as usize * self.scales.len() * 3).max(1);
+        let (region, routes, scales, splats, non_finite) =
+            (self.region, &self.routes, &self.scales, &self.splats, &self.non_finite);
         self.sums
             .chunks_mut(width)
-            .map(|sums| RgbRow { region, sizes, scales, sums, splats, non_finite, pixel: 0 })
+            .map(|sums| RgbRow { region, routes, scales, sums, splats, non_finite, pixel: 0 })
             .collect()
     }
 
@@ -127,7 +164,7 @@ impl Film for RgbFilm {
     fn outside(&self) -> RgbRow<'_> {
         RgbRow {
             region: self.region,
-            sizes: &self.sizes,
+            routes: &self.routes,
             scales: &self.scales,
             sums: &mut [],
             splats: &self.splats,
@@ -137,43 +174,44 @@ impl Film for RgbFilm {
     }
 }
 
-impl RgbRow<'_> {
-    /// Whether the contribution counts: emitted at the present size, and a number.
-    fn accepts(&self, c: &Contribution) -> bool {
-        if c.at.rho > self.sizes[c.light as usize] {
-            return false;
-        }
-        let is_number = c.value.is_radiance();
+impl<'a> RgbRow<'a> {
+    /// The routes of a contribution: none if it is emitted at no present size, or not a number.
+    fn routes<const N: usize>(&self, c: &Contribution<N>) -> impl Iterator<Item = Route> + use<'a, N> {
+        let (is_number, rho) = (c.value.is_radiance(), c.at.rho);
         if !is_number {
             self.non_finite.fetch_add(1, Ordering::Relaxed);
         }
-        is_number
+        let routes = if is_number { self.routes[c.light as usize].as_slice() } else { &[] };
+        routes.iter().filter(move |route| rho <= route.size).copied()
     }
 }
 
-impl Recorder for RgbRow<'_> {
-    fn add(&mut self, c: &Contribution) {
-        if self.accepts(c) && !self.sums.is_empty() {
-            let i = 3 * (self.pixel * self.sizes.len() + c.light as usize);
-            let Rgb { x, y, z } = c.value.largest();
-            self.sums[i] += f64::from(x);
-            self.sums[i + 1] += f64::from(y);
-            self.sums[i + 2] += f64::from(z);
-        }
-    }
-
-    fn splat(&mut self, raster: Vec2, c: &Contribution) {
-        if !self.accepts(c) {
+impl<const N: usize> Recorder<N> for RgbRow<'_> {
+    fn add(&mut self, c: &Contribution<N>) {
+        if self.sums.is_empty() {
             return;
         }
-        if let Some(i) = self.region.index(raster.as_uvec2()) {
-            let l = c.light as usize;
-            self.splats.add(i * self.sizes.len() + l, c.value.largest(), self.scales[l]);
+        let first = self.pixel * self.scales.len();
+        for Route { picture, node, gain, .. } in self.routes(c) {
+            let value = c.value.0[node] * gain;
+            let cell = &mut self.sums[3 * (first + picture)..][..3];
+            cell.iter_mut().zip(value.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
+        }
+    }
+
+    fn splat(&mut self, raster: Vec2, c: &Contribution<N>) {
+        let Some(pixel) = self.region.index(raster.as_uvec2()) else { return };
+        for Route { picture, node, gain, .. } in self.routes(c) {
+            self.splats.add(
+                pixel * self.scales.len() + picture,
+                c.value.0[node] * gain,
+                self.scales[picture],
+            );
         }
     }
 }
 
-impl RowRecorder for RgbRow<'_> {
+impl<const N: usize> RowRecorder<N> for RgbRow<'_> {
     fn set_pixel(&mut self, i: usize) {
         self.pixel = i;
     }

@@ -34,14 +34,23 @@ impl Integrator {
         }
     }
 
-    /// Light samples at the end of a camera subpath of `n_edges` edges: the lens gets one.
-    #[must_use]
-    pub(super) fn samples_at(&self, n_edges: usize) -> u32 {
+    /// Light samples at the end of a camera subpath of `n_edges` edges, at least one.
+    fn light_samples_at(&self, n_edges: usize) -> u32 {
+        if n_edges == 1 { self.first_light_samples } else { self.light_samples }
+    }
+
+    /// As many light samples a camera subpath there are at the end of one of `n_edges` edges: the
+    /// lens gets one with each light subpath.
+    pub(super) fn samples_at(&self, n_edges: usize) -> f32 {
         match n_edges {
-            0 => 1,
-            1 => self.first_light_samples,
-            _ => self.light_samples,
+            0 => self.light_subpaths(),
+            _ => self.light_samples_at(n_edges) as f32,
         }
+    }
+
+    /// Light subpaths for each camera subpath.
+    pub(super) fn light_subpaths(&self) -> f32 {
+        1.0 / self.camera_subpaths as f32
     }
 
     /// The lights sampled at the end of a camera subpath, from four dimensions of the sequence.
@@ -55,7 +64,7 @@ impl Integrator {
         const STEP: f32 = 0.754_877_7;
         let (shift, along) = (sampler.next_1d(), sampler.next_1d());
         let _spare = sampler.next_2d();
-        let n = self.samples_at(n_edges);
+        let n = self.light_samples_at(n_edges);
         (0..n).filter_map(move |i| {
             let (id, pmf, rest) = scene.light_sampler.sample((i as f32 + shift) / n as f32)?;
             let u = Vec2::new(rest, (along + i as f32 * STEP).fract());

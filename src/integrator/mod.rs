@@ -70,6 +70,9 @@ pub struct Integrator {
     pub first_light_samples: u32,
     /// Those at every vertex that follows, at least 1.
     pub light_samples: u32,
+    /// Camera subpaths for each light subpath, at least 1. Bidirectional; more than one where
+    /// light subpaths find little that next-event estimation does not.
+    pub camera_subpaths: u32,
 }
 
 impl Default for Integrator {
@@ -80,6 +83,7 @@ impl Default for Integrator {
             heuristic: Heuristic::Power,
             first_light_samples: FIRST_LIGHT_SAMPLES,
             light_samples: LIGHT_SAMPLES,
+            camera_subpaths: 1,
         }
     }
 }
@@ -165,11 +169,11 @@ impl Integrator {
         sampling: Sampling,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        self.render_values(scene, &Values([scene.background_value()]), film, sampling, observer)
+        self.render_values(scene, &Values([scene.background_value()]), film, &[sampling], observer)
     }
 
-    /// As [`Self::render`], for several values of the background at once; the
-    /// first of them is the largest.
+    /// As [`Self::render`], for several values of the background at once, the
+    /// first of them the largest, and for several replicates.
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -178,14 +182,14 @@ impl Integrator {
         scene: &Scene,
         nodes: &Values<N>,
         film: &mut F,
-        sampling: Sampling,
+        replicates: &[Sampling],
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
         let integrator = self.useful(scene);
         let region = film.region();
         let size = scene.camera.size();
         let (bad_before, over_before) = film.defects();
-        let run_row = |row: &mut F::Row<'_>, y: u32, xs: std::ops::Range<u32>, kept: bool| {
+        let run_row = |row: &mut F::Row<'_>, sampling: &Sampling, y, xs: std::ops::Range<u32>, kept| {
             let mut sampler = Sampler::new(sampling.sampler, sampling.seed);
             let mut bdpt = bdpt::Workspace::default();
             for (i, x) in xs.enumerate() {
@@ -214,10 +218,15 @@ impl Integrator {
             }
         };
         film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(i, mut row)| {
-            if !observer.cancelled() {
-                run_row(&mut row, region.min.y + i as u32, region.min.x..region.max.x, true);
-                observer.advance(1);
+            row.open();
+            for sampling in replicates {
+                if !observer.cancelled() {
+                    run_row(&mut row, sampling, region.min.y + i as u32, region.min.x..region.max.x, true);
+                    row.end_replicate();
+                    observer.advance(1);
+                }
             }
+            row.close();
         });
         // Light subpaths of the pixels outside the region land inside it too.
         if self.kind == IntegratorKind::Bdpt && region.size() != size {
@@ -225,11 +234,13 @@ impl Integrator {
             (0..size.y).into_par_iter().with_max_len(1).for_each(|y| {
                 let mut row = film.outside();
                 let inside = (region.min.y..region.max.y).contains(&y);
-                if inside {
-                    run_row(&mut row, y, 0..region.min.x, false);
-                    run_row(&mut row, y, region.max.x..size.x, false);
-                } else {
-                    run_row(&mut row, y, 0..size.x, false);
+                for sampling in replicates {
+                    if inside {
+                        run_row(&mut row, sampling, y, 0..region.min.x, false);
+                        run_row(&mut row, sampling, y, region.max.x..size.x, false);
+                    } else {
+                        run_row(&mut row, sampling, y, 0..size.x, false);
+                    }
                 }
             });
         }
@@ -240,7 +251,8 @@ impl Integrator {
         if over > over_before {
             return Err(RenderError::Overflow(over - over_before));
         }
-        let samples = size.element_product() as u64 * u64::from(sampling.count);
+        let count: u32 = replicates.iter().map(|r| r.count).sum();
+        let samples = size.element_product() as u64 * u64::from(count);
         let dropped = bad - bad_before;
         if dropped as f64 > MAX_NON_FINITE * samples as f64 {
             return Err(RenderError::NonFinite { dropped, samples });

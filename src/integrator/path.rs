@@ -38,7 +38,7 @@ pub fn sample<const N: usize>(
                 return;
             }
             let mis_weight = pdf.map_or(1.0, |p| {
-                let n = integrator.samples_at(n_edges - 1) as f32;
+                let n = integrator.samples_at(n_edges - 1);
                 let nee = n * scene.light_sampler.pmf(id).0 * light.pdf_li(org, &c.at).0;
                 weight(integrator.heuristic, p.0, nee)
             });

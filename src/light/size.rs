@@ -1,90 +1,126 @@
 //! The distribution of the size coordinate.
 
-/// Density of ρ on (0, extent] with which a light is sampled.
+/// Density of ρ on (0, extent] with which a light is sampled: a mixture of densities that are
+/// uniform in area up to some sizes, its cores, and for the rest of one uniform in ln ρ.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SizeDensity {
-    /// q(ρ) = 2ρ/extent²: uniform in area.
-    UniformArea {
-        /// The largest size sampled.
-        extent: f32,
-    },
-    /// A mixture for a light that may be of any size from `least` to `extent`: uniform
-    /// in the area of a `core`, and for the rest in that of the whole and in ln ρ.
-    AnySize {
-        /// The least size of interest.
-        least: f32,
-        /// The largest size sampled.
-        extent: f32,
-        /// What is drawn most: the least size, or one that is likely.
-        core: f32,
-        /// Share of the core.
-        share: f32,
-    },
+pub struct SizeDensity {
+    /// Those in use come first and have a share.
+    cores: [Core; MAX_CORES],
+    /// Where the rest begins.
+    least: f32,
+    extent: f32,
 }
 
+/// q(ρ) = 2ρ/size² up to a size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Core {
+    size: f32,
+    share: f32,
+}
+
+/// The likely sizes and the whole.
+const MAX_CORES: usize = SizeDensity::MAX_LIKELY + 1;
 /// Share of the least size where nothing is known about the likely one.
 const LEAST_SHARE: f32 = 0.25;
-/// Share of a likely size.
+/// Share of the likely sizes.
 const FOCUS_SHARE: f32 = 0.8;
-/// Of what the core leaves, the part that is uniform in the whole area.
+/// Of what they leave, the part that is uniform in the whole area.
 const WHOLE: f32 = 1.0 / 3.0;
 
 impl SizeDensity {
+    /// The most sizes that can be likely.
+    pub const MAX_LIKELY: usize = 4;
+
+    /// For a light of size `extent`: uniform in area.
+    #[must_use]
+    pub fn uniform_area(extent: f32) -> Self {
+        Self::one_of(&[(extent, 1.0)])
+    }
+
+    /// For a light of one of several sizes, with positive weights.
+    ///
+    /// # Panics
+    /// With none of them, or more than [`Self::MAX_LIKELY`].
+    #[must_use]
+    pub fn one_of(sizes: &[(f32, f32)]) -> Self {
+        let extent = sizes.iter().fold(0.0_f32, |most, s| most.max(s.0));
+        Self::mixture([extent, extent], sizes, 1.0)
+    }
+
     /// For a light that may be of any size in a range.
     #[must_use]
     pub fn any_size([least, extent]: [f32; 2]) -> Self {
-        Self::AnySize { least, extent, core: least, share: LEAST_SHARE }
+        Self::mixture([least, extent], &[(least, 1.0)], LEAST_SHARE)
     }
 
-    /// For one whose size is probably not above `likely`.
+    /// For one of any size in a range, but probably not above one of the `likely` ones, which
+    /// have positive weights.
+    ///
+    /// # Panics
+    /// With none of them, or more than [`Self::MAX_LIKELY`].
     #[must_use]
-    pub fn focused([least, extent]: [f32; 2], likely: f32) -> Self {
-        Self::AnySize { least, extent, core: likely.clamp(least, extent), share: FOCUS_SHARE }
+    pub fn focused(range: [f32; 2], likely: &[(f32, f32)]) -> Self {
+        Self::mixture(range, likely, FOCUS_SHARE)
+    }
+
+    fn mixture([least, extent]: [f32; 2], likely: &[(f32, f32)], share: f32) -> Self {
+        let count = likely.len();
+        assert!((1..=Self::MAX_LIKELY).contains(&count), "one to {} sizes, not {count}", Self::MAX_LIKELY);
+        let total: f32 = likely.iter().map(|s| s.1).sum();
+        let mut cores = [Core { size: extent, share: 0.0 }; MAX_CORES];
+        for (core, &(size, weight)) in cores.iter_mut().zip(likely) {
+            *core = Core { size: size.min(extent), share: share * weight / total };
+        }
+        cores[count].share = (1.0 - share) * WHOLE;
+        Self { cores, least, extent }
+    }
+
+    fn cores(&self) -> impl Iterator<Item = Core> {
+        self.cores.into_iter().take_while(|core| core.share > 0.0)
     }
 
     /// The largest size sampled.
     #[must_use]
     pub fn extent(&self) -> f32 {
-        match *self {
-            Self::UniformArea { extent } | Self::AnySize { extent, .. } => extent,
-        }
+        self.extent
     }
 
     /// Maps a uniform variate to ρ in (0, extent].
     #[must_use]
     pub fn sample(&self, u: f32) -> f32 {
-        match *self {
-            // Kept off the rim, where a sphere's rays are tangents and their
-            // densities 0/0 in f32; it costs a millionth of the range.
-            Self::UniformArea { extent } => extent * (1.0 - u.max(1e-6)).sqrt(),
-            Self::AnySize { least, extent, core, share } => {
-                let whole = (1.0 - share) * WHOLE;
-                let rho = if u < whole {
-                    extent * (1.0 - u / whole).sqrt()
-                } else if u < whole + share {
-                    core * (1.0 - (u - whole) / share).sqrt()
-                } else {
-                    least * (extent / least).powf((u - whole - share) / (1.0 - whole - share))
-                };
-                rho.min(extent * (1.0_f32 - 1e-6).sqrt())
+        // Kept off the rim, where a sphere's rays are tangents and their densities 0/0 in f32;
+        // it costs a millionth of the range.
+        let within = |size: f32, u: f32| size * (1.0 - u.max(1e-6)).sqrt();
+        let mut below = 0.0;
+        for core in self.cores() {
+            if u < below + core.share {
+                return within(core.size, (u - below) / core.share);
             }
+            below += core.share;
         }
+        let rest = 1.0 - below;
+        if self.least < self.extent && rest > 0.0 {
+            let rho = self.least * (self.extent / self.least).powf((u - below) / rest);
+            return rho.min(within(self.extent, 0.0));
+        }
+        // Rounding: the shares sum to one.
+        within(self.cores[0].size, 0.0)
     }
 
     /// q(ρ)/ρ, which stays finite at ρ = 0.
     #[must_use]
     pub fn pdf_over_rho(&self, rho: f32) -> f32 {
-        let uniform = |extent: f32| 2.0 / (extent * extent);
-        match *self {
-            Self::UniformArea { extent } => uniform(extent),
-            Self::AnySize { least, extent, core, share } => {
-                let whole = (1.0 - share) * WHOLE;
-                let in_core = if rho <= core { share * uniform(core) } else { 0.0 };
-                let between = rho >= least && rho <= extent;
-                let logarithm = 1.0 - whole - share;
-                let logarithm = if between { logarithm / (rho * rho * (extent / least).ln()) } else { 0.0 };
-                whole * uniform(extent) + in_core + logarithm
+        let mut sum = 0.0;
+        let mut rest = 1.0;
+        for core in self.cores() {
+            rest -= core.share;
+            if rho <= core.size {
+                sum += 2.0 * core.share / (core.size * core.size);
             }
         }
+        if self.least < self.extent && (self.least..=self.extent).contains(&rho) {
+            sum += rest / (rho * rho * (self.extent / self.least).ln());
+        }
+        sum
     }
 }

@@ -306,7 +306,7 @@ mod tests {
             color: Vec3::ONE,
             radiance: 1.0,
             size: 1.0,
-            size_density: crate::light::SizeDensity::UniformArea { extent: 1.0 },
+            size_density: crate::light::SizeDensity::uniform_area(1.0),
             camera_visible: true,
             occludes: false,
         };

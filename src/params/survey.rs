@@ -14,6 +14,7 @@
 //!   what brings the background nearest to its own target.
 
 use glam::UVec2;
+use rayon::prelude::*;
 
 use super::{ParamVector, Scale, Variable, VariableKind, bounds};
 use crate::{
@@ -240,11 +241,11 @@ pub fn starts(
 ) -> Vec<(String, Vec<f64>)> {
     let e = f64::from(scene.exposure);
     let Alike { images, means, .. } = Alike::new(scene, unit, mode);
-    let mut out = vec![("all lights alike".to_owned(), variables.start())];
     let lights: Vec<usize> = (0..images.len()).filter(|&l| means[l] > 0.0).collect();
     let alone = lights.iter().map(|&l| (format!("`{}` alone", scene.lights[l].name), vec![l]));
-    for (name, lit) in std::iter::once(("all lights alike, matched".to_owned(), lights.clone())).chain(alone)
-    {
+    let matched: Vec<(String, Vec<usize>)> =
+        std::iter::once(("all lights alike, matched".to_owned(), lights.clone())).chain(alone).collect();
+    let start = |(name, lit): (String, Vec<usize>)| {
         let total: Vec<f64> =
             (0..mask.len()).map(|p| lit.iter().map(|&l| images[l][p] / means[l]).sum()).collect();
         let of = |main: bool| -> Vec<f64> {
@@ -264,7 +265,8 @@ pub fn starts(
             })
             .map(|u: f64| u.clamp(OFF_BOUND, 1.0 - OFF_BOUND))
             .collect();
-        out.push((name, u));
-    }
-    out
+        (name, u)
+    };
+    let first = ("all lights alike".to_owned(), variables.start());
+    std::iter::once(first).chain(matched.into_par_iter().map(start).collect::<Vec<_>>()).collect()
 }

@@ -99,6 +99,21 @@ impl Sampler {
         ]);
     }
 
+    /// Moves to the first dimension of a stream that one of `n` samples in a row has, and returns
+    /// whether this is the one; which it is varies from pixel to pixel.
+    pub fn start_one_of(&mut self, stream: Stream, n: u32) -> bool {
+        self.start_stream(stream);
+        let offset = (self.stream_seed >> 32) % u64::from(n);
+        let index = self.index;
+        self.index /= n;
+        (u64::from(index) + offset).is_multiple_of(u64::from(n))
+    }
+
+    /// Leaves out the four dimensions that a group of them would have now.
+    pub fn skip_4d(&mut self) {
+        self.dimension = self.dimension.next_multiple_of(4) + 4;
+    }
+
     /// The next dimension.
     pub fn next_1d(&mut self) -> f32 {
         let d = self.dimension;

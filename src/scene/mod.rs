@@ -401,6 +401,6 @@ impl Scene {
         let l = &mut self.lights[light];
         l.radiance = radiance;
         l.size = size;
-        l.size_density = crate::light::SizeDensity::UniformArea { extent: size };
+        l.size_density = crate::light::SizeDensity::uniform_area(size);
     }
 }

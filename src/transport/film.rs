@@ -1,30 +1,38 @@
 //! The film that keeps contributions apart: by light, size bin and value node.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{
+    Mutex,
+    atomic::{AtomicU64, Ordering},
+};
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::{Layout, zeros};
+use super::{Layout, kernels};
 use crate::{
     film::{Contribution, Film, Recorder, Region, RowRecorder},
     math::{self, NodeRgb},
 };
 
-/// Sums of the contributions of the replicates of a basis: of luminance for one replicate
-/// at a time, of colour for all of them.
+/// Sums of the contributions to the replicates of a basis: of luminance for each replicate, of
+/// colour for all of them.
 ///
-/// A pixel's own contributions are added in sample order. Those of light
-/// subpaths are kept in the order of the rows that made them and added after the
-/// render, row by row. So the sums do not depend on the number of threads.
+/// A row of pixels is summed in memory of its own, small enough for the caches, and goes to
+/// the tables when its samples are done. A pixel's own contributions are added in sample
+/// order; those of light subpaths are kept in the order of the rows that made them and added
+/// after the render, row by row. So the sums do not depend on the number of threads.
 #[derive(Debug)]
 pub struct BasisFilm<'a, const N: usize> {
     layout: &'a Layout,
-    /// [pixel][cell][node], of the present replicate.
-    luminance: Vec<f32>,
-    /// [pixel][cell][node][rgb], of all replicates.
-    rgb: Vec<f32>,
-    /// By the row that made them.
+    /// By replicate.
+    luminance: &'a mut [Vec<f32>],
+    /// Empty when colour is not kept.
+    rgb: &'a mut [f32],
+    /// Whether the tables hold nothing yet: then they are written, not read.
+    is_first: bool,
+    /// Memory of rows that are done.
+    spare: Mutex<Vec<Sums>>,
+    /// [row that made them][replicate]
     splats: Vec<Vec<Splat<N>>>,
     non_finite: AtomicU64,
 }
@@ -47,134 +55,151 @@ struct Deposit {
 #[derive(Debug)]
 pub struct BasisRow<'a, const N: usize> {
     layout: &'a Layout,
-    sums: Sums<'a>,
-    splats: &'a mut Vec<Splat<N>>,
-    non_finite: &'a AtomicU64,
+    tables: RowTables<'a>,
+    is_first: bool,
+    spare: &'a Mutex<Vec<Sums>>,
+    /// While the row is open.
+    sums: Sums,
+    /// By replicate.
+    splats: &'a mut [Vec<Splat<N>>],
+    replicate: usize,
     pixel: usize,
+    non_finite: &'a AtomicU64,
 }
 
 /// Sums of a row of pixels.
-#[derive(Debug)]
-struct Sums<'a> {
+#[derive(Debug, Default)]
+struct Sums {
     n_cells: usize,
     n_nodes: usize,
-    luminance: &'a mut [f32],
+    /// [pixel][cell][node], of the present replicate.
+    luminance: Vec<f32>,
+    /// [pixel][cell][node][rgb], of all replicates.
+    rgb: Vec<f32>,
+}
+
+/// Parts of the tables that belong to a row of pixels.
+#[derive(Debug)]
+struct RowTables<'a> {
+    /// By replicate.
+    luminance: Vec<&'a mut [f32]>,
     rgb: &'a mut [f32],
 }
 
-impl Sums<'_> {
+impl Sums {
+    fn new(layout: &Layout, with_colour: bool) -> Self {
+        let n = layout.size.x as usize * layout.n_rows();
+        let rgb = vec![0.0; if with_colour { 3 * n } else { 0 }];
+        Self { n_cells: layout.n_cells(), n_nodes: layout.nodes.len(), luminance: vec![0.0; n], rgb }
+    }
+
     fn add<const N: usize>(&mut self, pixel: usize, deposit: Deposit, value: &NodeRgb<N>) {
-        let first = (pixel * self.n_cells + deposit.cell as usize) * self.n_nodes;
+        let Self { n_cells, n_nodes, .. } = *self;
+        let first = (pixel * n_cells + deposit.cell as usize) * n_nodes;
         let luminance = value.0.map(math::luminance);
         let rgb = value.0.map(|c| c.to_array());
+        let add = |sums: &mut [f32], values: &[f32], share: f32| {
+            sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += share * v);
+        };
         let mut into = |first: usize, share: f32| {
-            let add = |sums: &mut [f32], values: &[f32]| {
-                sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += share * v);
-            };
-            add(&mut self.luminance[first..][..self.n_nodes], &luminance);
-            add(&mut self.rgb[3 * first..][..3 * self.n_nodes], rgb.as_flattened());
+            add(&mut self.luminance[first..][..n_nodes], &luminance, share);
+            if !self.rgb.is_empty() {
+                add(&mut self.rgb[3 * first..][..3 * n_nodes], rgb.as_flattened(), share);
+            }
         };
         into(first, 1.0 - deposit.next);
         if deposit.next > 0.0 {
-            into(first + self.n_nodes, deposit.next);
+            into(first + n_nodes, deposit.next);
         }
     }
 }
 
-/// The sums of a film, row by row.
-fn rows_of_sums<'a>(
+/// The tables, row by row of pixels.
+fn row_tables<'a>(
     layout: &Layout,
-    luminance: &'a mut [f32],
+    luminance: &'a mut [Vec<f32>],
     rgb: &'a mut [f32],
-) -> impl Iterator<Item = Sums<'a>> + use<'a> {
-    let (n_cells, n_nodes) = (layout.n_cells(), layout.nodes.len());
-    let width = layout.size.x as usize * n_cells * n_nodes;
-    let rows = luminance.chunks_mut(width).zip(rgb.chunks_mut(3 * width));
-    rows.map(move |(luminance, rgb)| Sums { n_cells, n_nodes, luminance, rgb })
+) -> impl Iterator<Item = RowTables<'a>> {
+    let width = layout.size.x as usize * layout.n_rows();
+    let mut luminance: Vec<_> = luminance.iter_mut().map(|table| table.chunks_mut(width)).collect();
+    let mut rgb = rgb.chunks_mut(3 * width);
+    (0..layout.size.y).map(move |_| RowTables {
+        luminance: luminance.iter_mut().filter_map(Iterator::next).collect(),
+        rgb: rgb.next().unwrap_or_default(),
+    })
 }
 
-/// Pixels whose sums are spread over the tables' rows at a time: a cell of all of
-/// them stays in the first cache level.
-const TILE: usize = 128;
+/// Moves sums `[pixel][cell][node][channel]` of a row of pixels to its part of a table,
+/// `[cell][node][channel][pixel]`, as prefix sums over each light's knots: writes them there
+/// if `is_first`, else adds them.
+fn flush(layout: &Layout, sums: &mut [f32], table: &mut [f32], is_first: bool) {
+    let width = layout.size.x as usize;
+    let per_pixel = sums.len() / width;
+    let per_cell = per_pixel / layout.n_cells();
+    for pixel in sums.chunks_exact_mut(per_pixel) {
+        for cells in &layout.lights {
+            let light = &mut pixel[cells.first_cell * per_cell..][..cells.n_cells() * per_cell];
+            for i in 1..cells.n_cells() {
+                let (below, above) = light.split_at_mut(i * per_cell);
+                let below = &below[(i - 1) * per_cell..];
+                above[..per_cell].iter_mut().zip(below).for_each(|(sum, v)| *sum += v);
+            }
+        }
+    }
+    kernels::transpose(sums, width, table, is_first);
+    sums.fill(0.0);
+}
 
 impl<'a, const N: usize> BasisFilm<'a, N> {
-    /// An empty film.
+    /// A film that fills tables: of luminance by replicate, and of colour unless that is
+    /// empty. With `is_first` it does not look at what they hold.
     ///
     /// # Panics
     /// When the layout has another number of value nodes.
     #[must_use]
-    pub fn new(layout: &'a Layout) -> Self {
+    pub fn new(
+        layout: &'a Layout,
+        luminance: &'a mut [Vec<f32>],
+        rgb: &'a mut [f32],
+        is_first: bool,
+    ) -> Self {
         assert!(layout.nodes.len() <= N, "the film carries fewer value nodes than the layout has");
-        let n = layout.n_pixels() * layout.n_rows();
         Self {
+            splats: vec![Vec::new(); layout.size.y as usize * luminance.len()],
             layout,
-            luminance: zeros(n),
-            rgb: zeros(3 * n),
-            splats: vec![Vec::new(); layout.size.y as usize],
+            luminance,
+            rgb,
+            is_first,
+            spare: Mutex::default(),
             non_finite: AtomicU64::new(0),
         }
     }
 
-    /// Adds what light subpaths left, and empties their lists.
-    fn add_splats(&mut self) {
-        let Self { layout, luminance, rgb, splats, .. } = self;
-        let width = layout.size.x;
+    /// Adds what light subpaths left.
+    pub fn finish(self) {
+        let Self { layout, luminance, rgb, mut splats, .. } = self;
+        let (width, n_replicates, with_colour) = (layout.size.x, luminance.len(), !rgb.is_empty());
         splats.par_iter_mut().for_each(|of_row| of_row.sort_by_key(|s| s.pixel));
-        let rows: Vec<Sums> = rows_of_sums(layout, luminance, rgb).collect();
-        rows.into_par_iter().enumerate().for_each(|(y, mut row)| {
-            let (begin, end) = (y as u32 * width, (y as u32 + 1) * width);
-            for of_row in &*splats {
-                let from = of_row.partition_point(|s| s.pixel < begin);
-                for s in of_row[from..].iter().take_while(|s| s.pixel < end) {
-                    row.add((s.pixel - begin) as usize, s.deposit, &s.value);
+        let rows: Vec<RowTables> = row_tables(layout, luminance, rgb).collect();
+        rows.into_par_iter().enumerate().for_each_init(
+            || Sums::new(layout, with_colour),
+            |sums, (y, mut tables)| {
+                let (begin, end) = (y as u32 * width, (y as u32 + 1) * width);
+                for (r, table) in tables.luminance.iter_mut().enumerate() {
+                    for of_row in splats[r..].iter().step_by(n_replicates) {
+                        let from = of_row.partition_point(|s| s.pixel < begin);
+                        for s in of_row[from..].iter().take_while(|s| s.pixel < end) {
+                            sums.add((s.pixel - begin) as usize, s.deposit, &s.value);
+                        }
+                    }
+                    flush(layout, &mut sums.luminance, table, false);
                 }
-            }
-        });
-        splats.iter_mut().for_each(Vec::clear);
-    }
-
-    /// Ends a replicate: adds its luminance to its table, as prefix sums over each
-    /// light's knots.
-    pub fn commit_luminance(&mut self, table: &mut [f32]) {
-        self.add_splats();
-        spread(self.layout, 1, &mut self.luminance, table);
-        self.luminance.par_chunks_mut(1 << 16).for_each(|s| s.fill(0.0));
-    }
-
-    /// Adds the colour of all replicates to its table, as prefix sums over each light's
-    /// knots.
-    pub fn commit_rgb(mut self, table: &mut [f32]) {
-        spread(self.layout, 3, &mut self.rgb, table);
-    }
-}
-
-/// Adds sums `[pixel][cell][node][channel]` to a table `[cell][node][channel][pixel]`,
-/// as prefix sums over each light's knots.
-fn spread(layout: &Layout, n_channels: usize, sums: &mut [f32], table: &mut [f32]) {
-    let per_cell = layout.nodes.len() * n_channels;
-    let per_pixel = layout.n_cells() * per_cell;
-    let n_pixels = layout.n_pixels();
-    sums.par_chunks_mut(TILE * per_pixel).flat_map_iter(|tile| tile.chunks_exact_mut(per_pixel)).for_each(
-        |pixel| {
-            for cells in &layout.lights {
-                let light = &mut pixel[cells.first_cell * per_cell..][..cells.n_cells() * per_cell];
-                for i in per_cell..light.len() {
-                    light[i] += light[i - per_cell];
+                if with_colour {
+                    flush(layout, &mut sums.rgb, tables.rgb, false);
                 }
-            }
-        },
-    );
-    let sums = &*sums;
-    table.par_chunks_mut(per_cell * n_pixels).enumerate().for_each(|(cell, rows)| {
-        for first in (0..n_pixels).step_by(TILE) {
-            let tile = first..(first + TILE).min(n_pixels);
-            for (i, row) in rows.chunks_exact_mut(n_pixels).enumerate() {
-                for (v, p) in row[tile.clone()].iter_mut().zip(tile.clone()) {
-                    *v += sums[p * per_pixel + cell * per_cell + i];
-                }
-            }
-        }
-    });
+            },
+        );
+    }
 }
 
 impl<const N: usize> Film<N> for BasisFilm<'_, N> {
@@ -188,10 +213,21 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
     }
 
     fn rows(&mut self) -> Vec<BasisRow<'_, N>> {
-        let Self { layout, luminance, rgb, splats, non_finite } = self;
-        rows_of_sums(layout, luminance, rgb)
-            .zip(splats)
-            .map(|(sums, splats)| BasisRow { layout, sums, splats, non_finite, pixel: 0 })
+        let Self { layout, is_first, spare, non_finite, .. } = self;
+        let n_replicates = self.luminance.len();
+        row_tables(layout, self.luminance, self.rgb)
+            .zip(self.splats.chunks_mut(n_replicates))
+            .map(|(tables, splats)| BasisRow {
+                layout,
+                tables,
+                is_first: *is_first,
+                spare,
+                sums: Sums::default(),
+                splats,
+                replicate: 0,
+                pixel: 0,
+                non_finite,
+            })
             .collect()
     }
 
@@ -231,12 +267,32 @@ impl<const N: usize> Recorder<N> for BasisRow<'_, N> {
         let UVec2 { x, y } = raster.as_uvec2();
         let Some(deposit) = self.deposit(c) else { return };
         let pixel = y * self.layout.size.x + x;
-        self.splats.push(Splat { pixel, deposit, value: c.value });
+        self.splats[self.replicate].push(Splat { pixel, deposit, value: c.value });
     }
 }
 
 impl<const N: usize> RowRecorder<N> for BasisRow<'_, N> {
+    fn open(&mut self) {
+        let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
+        self.sums = spare.unwrap_or_else(|| Sums::new(self.layout, !self.tables.rgb.is_empty()));
+    }
+
     fn set_pixel(&mut self, i: usize) {
         self.pixel = i;
+    }
+
+    fn end_replicate(&mut self) {
+        let table = &mut *self.tables.luminance[self.replicate];
+        flush(self.layout, &mut self.sums.luminance, table, self.is_first);
+        self.replicate += 1;
+    }
+
+    fn close(&mut self) {
+        if !self.sums.rgb.is_empty() {
+            flush(self.layout, &mut self.sums.rgb, self.tables.rgb, self.is_first);
+        }
+        if let Ok(mut spare) = self.spare.lock() {
+            spare.push(std::mem::take(&mut self.sums));
+        }
     }
 }

@@ -3,59 +3,96 @@
 //! Compiled for several instruction sets; the order of the sums is the same in all of
 //! them, and so are the bytes.
 
+use glam::{Mat4, Vec4};
 use multiversion::multiversion;
-
-/// Pixels of [`combine_thrice`] handled at a time: three sums of them stay in the first cache
-/// level, and memory delivers as much of a row at once.
-const BLOCK: usize = 512;
 
 /// Numbers handled at a time: few enough for the registers and the first cache level, so
 /// many that the inner loops become vector instructions.
 const LANES: usize = 64;
 
-/// `out[p] = Σ_i weights[i] · rows[i][p]`.
+/// `out[p] = Σ_i weights[i] · table[rows[i]][p]`.
 #[multiversion(targets = "simd")]
-pub(super) fn combine(rows: &[&[f32]], weights: &[f64], out: &mut [f64]) {
+pub(super) fn combine(table: &[f32], rows: &[usize], weights: &[f64], out: &mut [f64]) {
+    let n = out.len();
     out.fill(0.0);
-    let mut groups = rows.chunks_exact(4).zip(weights.chunks_exact(4));
-    for (rows, w) in &mut groups {
-        let n = out.len();
-        let [a, b, c, d] = [&rows[0][..n], &rows[1][..n], &rows[2][..n], &rows[3][..n]];
-        let out = &mut out[..n];
+    let row = |i: usize| &table[rows[i] * n..][..n];
+    let (mut groups, mut i) = (weights.chunks_exact(4), 0);
+    for w in &mut groups {
+        let [a, b, c, d] = [row(i), row(i + 1), row(i + 2), row(i + 3)];
         for p in 0..n {
             let first = w[0] * f64::from(a[p]) + w[1] * f64::from(b[p]);
             let second = w[2] * f64::from(c[p]) + w[3] * f64::from(d[p]);
             out[p] += first + second;
         }
+        i += 4;
     }
-    let rest = rows.len() / 4 * 4;
-    for (row, w) in rows[rest..].iter().zip(&weights[rest..]) {
-        for (o, &v) in out.iter_mut().zip(*row) {
+    for (k, w) in groups.remainder().iter().enumerate() {
+        for (o, &v) in out.iter_mut().zip(row(i + k)) {
             *o += w * f64::from(v);
         }
     }
 }
 
-/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]`, the rows read once; the last of the three is
-/// added to what is there.
+/// `out[k][p] = Σ_i weights[i][k] · table[rows[i]][p]`, the rows read once; the last of the three
+/// is added to what is there.
 #[multiversion(targets = "simd")]
-pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
+pub(super) fn combine_thrice(table: &[f32], rows: &[usize], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
     let [a, b, c] = out;
     a.fill(0.0);
     b.fill(0.0);
-    let parts = a.chunks_mut(BLOCK).zip(b.chunks_mut(BLOCK)).zip(c.chunks_mut(BLOCK));
-    for (i, ((a, b), c)) in parts.enumerate() {
-        let n = a.len();
-        for (rows, w) in rows.chunks(2).zip(weights.chunks(2)) {
-            let (first, second) = (rows[0], rows[rows.len() - 1]);
-            let (u, v) = (w[0], if w.len() > 1 { w[1] } else { [0.0; 3] });
-            let (first, second) = (&first[i * BLOCK..][..n], &second[i * BLOCK..][..n]);
-            let (a, b, c) = (&mut a[..n], &mut b[..n], &mut c[..n]);
-            for p in 0..n {
-                let (x, y) = (f64::from(first[p]), f64::from(second[p]));
-                a[p] += u[0] * x + v[0] * y;
-                b[p] += u[1] * x + v[1] * y;
-                c[p] += u[2] * x + v[2] * y;
+    let n = a.len();
+    let (a, b, c) = (&mut a[..n], &mut b[..n], &mut c[..n]);
+    let row = |i: usize| &table[i * n..][..n];
+    for (rows, w) in rows.chunks(2).zip(weights.chunks(2)) {
+        let (first, second) = (row(rows[0]), row(rows[rows.len() - 1]));
+        let (u, v) = (w[0], if w.len() > 1 { w[1] } else { [0.0; 3] });
+        for p in 0..n {
+            let (x, y) = (f64::from(first[p]), f64::from(second[p]));
+            a[p] += u[0] * x + v[0] * y;
+            b[p] += u[1] * x + v[1] * y;
+            c[p] += u[2] * x + v[2] * y;
+        }
+    }
+}
+
+/// Side of the part of a matrix that is transposed at a time: as many numbers as a line of the
+/// cache has.
+const TILE: usize = 16;
+
+/// `to[i][x] = from[x][i]`, or added to it unless `is_first`, for `width` many x. What is written
+/// is written in order: it is mostly not in the caches.
+pub(super) fn transpose(from: &[f32], width: usize, to: &mut [f32], is_first: bool) {
+    let n = from.len() / width;
+    let mut tile = [[0.0_f32; TILE]; TILE];
+    for i in (0..n).step_by(TILE) {
+        let high = TILE.min(n - i);
+        for x in (0..width).step_by(TILE) {
+            let wide = TILE.min(width - x);
+            if wide.is_multiple_of(4) && high.is_multiple_of(4) {
+                for k in (0..wide).step_by(4) {
+                    let columns: [&[f32]; 4] = std::array::from_fn(|c| &from[(x + k + c) * n + i..][..high]);
+                    for j in (0..high).step_by(4) {
+                        let [a, b, c, d] = columns.map(|column| Vec4::from_slice(&column[j..]));
+                        let rows = Mat4::from_cols(a, b, c, d).transpose();
+                        for (row, values) in tile[j..].iter_mut().zip(rows.to_cols_array_2d()) {
+                            row[k..k + 4].copy_from_slice(&values);
+                        }
+                    }
+                }
+            } else {
+                for k in 0..wide {
+                    for (row, v) in tile.iter_mut().zip(&from[(x + k) * n + i..][..high]) {
+                        row[k] = *v;
+                    }
+                }
+            }
+            for (j, row) in tile[..high].iter().enumerate() {
+                let to = &mut to[(i + j) * width + x..][..wide];
+                if is_first {
+                    to.copy_from_slice(&row[..wide]);
+                } else {
+                    to.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
+                }
             }
         }
     }
@@ -71,4 +108,24 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
         }
     }
     sums.iter().sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn transposing_writes_or_adds_every_number_once() {
+        for (width, n) in [(1, 1), (3, 5), (16, 16), (20, 36), (33, 8), (128, 72)] {
+            let from: Vec<f32> = (0..width * n).map(|i| i as f32).collect();
+            let mut to = vec![f32::NAN; width * n];
+            transpose(&from, width, &mut to, true);
+            transpose(&from, width, &mut to, false);
+            for x in 0..width {
+                for i in 0..n {
+                    assert_eq!(to[i * width + x], 2.0 * from[x * n + i], "{width} x {n}");
+                }
+            }
+        }
+    }
 }

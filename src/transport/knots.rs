@@ -43,24 +43,21 @@ impl Knots {
         Self::new((0..=steps).map(size).collect())
     }
 
-    /// As [`Self::geometric`], with about half of the knots within a factor of
-    /// `1 ± spread` of the size `at`.
+    /// Half of `n` knots as [`Self::geometric`], and as many for each of the sizes `at` within a
+    /// factor of `1 ± spread` of it.
     #[must_use]
-    pub fn around(smallest: f64, largest: f64, at: f64, spread: f64, n: usize) -> Self {
+    pub fn around(smallest: f64, largest: f64, at: &[f64], spread: f64, n: usize) -> Self {
         let n_fine = n / 2;
-        let mut sizes: Vec<f64> = Self::geometric(smallest, largest, n - n_fine)
-            .u
-            .iter()
-            .skip(1)
-            .map(|u| u.sqrt())
-            .filter(|s| (s / at - 1.0).abs() > spread || *s == largest)
-            .collect();
-        let fine =
-            (0..n_fine).map(|i| at * (1.0 + spread * (2.0 * i as f64 / (n_fine - 1).max(1) as f64 - 1.0)));
-        sizes.extend(fine.filter(|s| (smallest..largest).contains(s)));
-        sizes.push(smallest);
-        sizes.push(largest);
-        Self::new(sizes)
+        let is_near = |s: f64, at: &[f64]| at.iter().any(|at| (s / at - 1.0).abs() <= spread);
+        let Self { u } = Self::geometric(smallest, largest, n - n_fine);
+        let coarse = u[1..].iter().map(|u| u.sqrt()).filter(|s| !is_near(*s, at));
+        let step = 2.0 * spread / (n_fine - 1).max(1) as f64;
+        // Where the neighbourhoods of two sizes overlap, the knots of one are fine enough.
+        let fine = at.iter().enumerate().flat_map(|(i, center)| {
+            let sizes = (0..n_fine).map(move |k| center * (1.0 - spread + step * k as f64));
+            sizes.filter(move |s| (smallest..largest).contains(s) && !is_near(*s, &at[..i]))
+        });
+        Self::new(coarse.chain(fine).chain([smallest, largest]).collect())
     }
 
     /// Knots at 0 and at the given sizes.
@@ -172,15 +169,22 @@ mod tests {
 
     #[test]
     fn they_begin_at_zero_and_end_at_the_largest_size() {
-        for k in [knots(), Knots::around(0.05, 1.4, 0.4, 0.2, 24), Knots::around(0.05, 1.4, 1.4, 0.2, 24)] {
+        for k in
+            [knots(), Knots::around(0.05, 1.4, &[0.4], 0.2, 24), Knots::around(0.05, 1.4, &[1.4], 0.2, 24)]
+        {
             let s = k.sizes();
             assert_eq!(s[0], 0.0);
             assert!((s[1] - 0.05).abs() < 1e-12 && (s[k.len() - 1] - 1.4).abs() < 1e-12);
             assert!(s.windows(2).all(|w| w[0] < w[1]));
             assert!((14..=27).contains(&k.len()), "{}", k.len());
         }
-        let fine = Knots::around(0.05, 1.4, 0.4, 0.2, 24).sizes();
-        assert!(fine.iter().filter(|s| (*s / 0.4 - 1.0).abs() < 0.21).count() >= 11);
+        let near = |at: &[f64], s: f64| {
+            let sizes = Knots::around(0.05, 1.4, at, 0.2, 24).sizes();
+            sizes.iter().filter(|k| (*k / s - 1.0).abs() < 0.21).count()
+        };
+        assert!(near(&[0.4], 0.4) >= 11);
+        assert!(near(&[0.4, 0.1], 0.4) >= 11 && near(&[0.4, 0.1], 0.1) >= 11);
+        assert!(near(&[0.4, 0.41], 0.4) <= 14, "fine enough already");
     }
 
     #[test]

@@ -13,7 +13,7 @@
 //!
 //! Replicates come from independent scrambles. Each has a table of luminance, for
 //! the objective; colour is kept as their mean. Tables hold prefix sums over the
-//! knots, layout `[cell][node][pixel]` (colour: `[cell][node][rgb][pixel]`), the cells
+//! knots, layout `[y][cell][node][x]` (colour: `[y][cell][node][rgb][x]`), the cells
 //! of a light being its knots; a light whose size is not free has a single cell.
 
 mod film;
@@ -124,12 +124,6 @@ impl Layout {
         self.table_bytes() * (replicates as u64 + 3)
     }
 
-    /// Memory of the film that fills a basis, bytes: luminance and colour.
-    #[must_use]
-    pub fn film_memory(&self) -> u64 {
-        self.table_bytes() * 4
-    }
-
     /// Of a table of one number a pixel, cell and node.
     fn table_bytes(&self) -> u64 {
         (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
@@ -160,21 +154,14 @@ pub struct Source<'a> {
     pub seed: u64,
 }
 
-/// `n` zeros. They are written, by all threads: were their pages read first, every first
-/// write would stop all threads to map it anew.
-fn zeros(n: usize) -> Vec<f32> {
-    let mut zeros = vec![0.0; n];
-    zeros.par_chunks_mut(1 << 16).for_each(|part| part.fill(std::hint::black_box(0.0)));
-    zeros
-}
-
 impl TransportBasis {
     /// An empty basis.
     #[must_use]
     pub fn new(layout: Layout, replicates: usize) -> Self {
         let n = layout.n_rows() * layout.n_pixels();
-        let luminance = (0..replicates).map(|_| zeros(n)).collect();
-        Self { luminance, rgb: zeros(3 * n), n_samples: 0, layout }
+        // Zeros that nothing reads or writes take neither time nor memory.
+        let luminance = (0..replicates).map(|_| vec![0.0; n]).collect();
+        Self { luminance, rgb: vec![0.0; 3 * n], n_samples: 0, layout }
     }
 
     /// What is kept apart.
@@ -219,18 +206,19 @@ impl TransportBasis {
         count: u32,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        let layout = self.layout.clone();
+        let Self { layout, luminance, rgb, n_samples } = self;
         let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
         let nodes = Values::<N>(std::array::from_fn(node));
-        let mut film = BasisFilm::<N>::new(&layout);
-        for (r, luminance) in self.luminance.iter_mut().enumerate() {
-            let seed = hash_words(&[source.seed, r as u64]);
-            let sampling = Sampling { sampler: source.sampler, seed, first: self.n_samples, count };
-            source.integrator.render_values(source.scene, &nodes, &mut film, sampling, observer)?;
-            film.commit_luminance(luminance);
-        }
-        film.commit_rgb(&mut self.rgb);
-        self.n_samples += count;
+        let replicates: Vec<Sampling> = (0..luminance.len() as u64)
+            .map(|r| {
+                let seed = hash_words(&[source.seed, r]);
+                Sampling { sampler: source.sampler, seed, first: *n_samples, count }
+            })
+            .collect();
+        let mut film = BasisFilm::<N>::new(layout, luminance, rgb, *n_samples == 0);
+        source.integrator.render_values(source.scene, &nodes, &mut film, &replicates, observer)?;
+        film.finish();
+        *n_samples += count;
         Ok(())
     }
 
@@ -243,9 +231,11 @@ impl TransportBasis {
             return Self { rgb: Vec::new(), ..self.clone() };
         }
         let half = |first: usize| {
-            let mut sum = zeros(self.luminance[first].len());
+            let tables: Vec<&Vec<f32>> = self.luminance[first..].iter().step_by(2).collect();
+            let mut sum = vec![0.0; tables[0].len()];
             sum.par_chunks_mut(1 << 16).enumerate().for_each(|(i, part)| {
-                for table in self.luminance[first..].iter().step_by(2) {
+                part.copy_from_slice(&tables[0][i << 16..][..part.len()]);
+                for table in &tables[1..] {
                     part.iter_mut().zip(&table[i << 16..]).for_each(|(s, v)| *s += v);
                 }
             });
@@ -265,14 +255,18 @@ impl TransportBasis {
     pub fn reduced(&self, factor: u32) -> Self {
         let size = self.layout.size / factor;
         let layout = Layout { size, ..self.layout.clone() };
-        let (n, wide) = (layout.n_pixels(), self.layout.size.x as usize);
-        let f = factor as usize;
+        let (f, n_rows) = (factor as usize, layout.n_rows());
+        let [wide, narrow] = [self.layout.size.x, size.x].map(|x| x as usize);
         let reduce = |table: &Vec<f32>| -> Vec<f32> {
-            let mut out = vec![0.0; layout.n_rows() * n];
-            for (to, from) in out.chunks_exact_mut(n).zip(table.chunks_exact(self.layout.n_pixels())) {
-                for (y, to) in to.chunks_exact_mut(size.x as usize).enumerate() {
-                    for line in from[y * f * wide..][..f * wide].chunks_exact(wide) {
-                        for (to, block) in to.iter_mut().zip(line.chunks_exact(f)) {
+            let mut out = vec![0.0; n_rows * layout.n_pixels()];
+            if out.is_empty() {
+                return out;
+            }
+            let lines = out.chunks_exact_mut(n_rows * narrow).zip(table.chunks(f * n_rows * wide));
+            for (to, from) in lines {
+                for from in from.chunks_exact(n_rows * wide) {
+                    for (to, from) in to.chunks_exact_mut(narrow).zip(from.chunks_exact(wide)) {
+                        for (to, block) in to.iter_mut().zip(from.chunks_exact(f)) {
                             *to += block.iter().sum::<f32>() / (f * f) as f32;
                         }
                     }
@@ -284,9 +278,10 @@ impl TransportBasis {
         Self { luminance, rgb: Vec::new(), n_samples: self.n_samples, layout }
     }
 
-    /// Row of a table.
-    fn row(&self, replicate: usize, row: usize) -> &[f32] {
-        let n = self.layout.n_pixels();
-        &self.luminance[replicate][row * n..][..n]
+    /// The part of a table of `channels` numbers a pixel, cell and node that belongs to a row of
+    /// pixels.
+    fn line<'t>(&self, table: &'t [f32], channels: usize, y: usize) -> &'t [f32] {
+        let n = self.layout.n_rows() * channels * self.layout.size.x as usize;
+        &table[y * n..][..n]
     }
 }

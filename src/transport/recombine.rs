@@ -117,20 +117,20 @@ impl Recombination {
     }
 }
 
-/// Pixels handled at a time: they stay in the first cache level.
-const BLOCK: usize = 1024;
-
 impl TransportBasis {
     /// Linear luminance of a replicate, into `out`.
     pub fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
-        let shining = || r.entries.iter().filter(|e| e.weight != 0.0);
-        let weights: Vec<f64> = shining().map(|e| e.weight * scale).collect();
-        for (b, out) in out.chunks_mut(BLOCK).enumerate() {
-            let rows: Vec<&[f32]> =
-                shining().map(|e| &self.row(replicate, e.row)[b * BLOCK..][..out.len()]).collect();
-            kernels::combine(&rows, &weights, out);
+        let shining: Vec<&Entry> = r.entries.iter().filter(|e| e.weight != 0.0).collect();
+        let weights: Vec<f64> = shining.iter().map(|e| e.weight * scale).collect();
+        let rows: Vec<usize> = shining.iter().map(|e| e.row).collect();
+        for (y, out) in out.chunks_mut(self.width()).enumerate() {
+            kernels::combine(self.line(&self.luminance[replicate], 1, y), &rows, &weights, out);
         }
+    }
+
+    fn width(&self) -> usize {
+        self.layout.size.x as usize
     }
 
     /// Linear luminance of a replicate and its derivatives, into `out` and `tangents`.
@@ -152,11 +152,17 @@ impl TransportBasis {
             let entries = &r.entries[first..first + n];
             first += n;
             images.iter_mut().for_each(|image| image.resize(out.len(), 0.0));
-            let rows: Vec<&[f32]> = entries.iter().map(|e| self.row(replicate, e.row)).collect();
+            let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
             let weights: Vec<[f64; 3]> =
                 entries.iter().map(|e| [e.by_radiance, e.by_size, e.by_value].map(|w| scale * w)).collect();
             let [by_radiance, by_size] = &mut *images;
-            kernels::combine_thrice(&rows, &weights, [by_radiance, by_size, &mut tangents.value]);
+            let lines =
+                [by_radiance, by_size, &mut tangents.value].map(|image| image.chunks_mut(self.width()));
+            let [by_radiance, by_size, by_value] = lines;
+            for (y, ((a, b), c)) in by_radiance.zip(by_size).zip(by_value).enumerate() {
+                let line = self.line(&self.luminance[replicate], 1, y);
+                kernels::combine_thrice(line, &rows, &weights, [a, b, c]);
+            }
             // Luminance is linear in each radiance.
             for (y, d) in out.iter_mut().zip(&images[0]) {
                 *y += r.radiance[l] * d;
@@ -170,9 +176,13 @@ impl TransportBasis {
         let r = Recombination::new(&self.layout, x);
         let mut sums = vec![0.0_f64; x.radiance.len()];
         for e in &r.entries {
-            let row: f64 = (0..self.n_replicates())
-                .map(|i| self.row(i, e.row).iter().map(|&v| f64::from(v)).sum::<f64>())
-                .sum();
+            let width = self.width();
+            let row = |table: &Vec<f32>, y| -> f64 {
+                let row = &self.line(table, 1, y)[e.row * width..][..width];
+                row.iter().map(|&v| f64::from(v)).sum()
+            };
+            let of = |table| (0..self.layout.size.y as usize).map(|y| row(table, y)).sum::<f64>();
+            let row: f64 = self.luminance.iter().map(of).sum();
             sums[e.light] += e.weight * row;
         }
         sums.iter_mut().for_each(|s| *s = s.max(0.0));
@@ -187,22 +197,23 @@ impl TransportBasis {
         let n = layout.n_pixels();
         let r = Recombination::new(layout, x);
         let scale = 1.0 / (f64::from(self.n_samples().max(1)) * self.n_replicates() as f64);
-        let lights: Vec<Vec<[f32; 3]>> = (0..layout.lights.len())
-            .into_par_iter()
-            .map(|light| {
-                let mut sums = vec![[0.0_f64; 3]; n];
-                for e in r.entries.iter().filter(|e| e.light == light) {
-                    for c in 0..3 {
-                        let row = &self.rgb[(e.row * 3 + c) * n..][..n];
-                        for (s, &v) in sums.iter_mut().zip(row) {
-                            s[c] += e.weight * scale * f64::from(v);
-                        }
-                    }
+        let of_light = |light: usize| {
+            let entries: Vec<&Entry> =
+                r.entries.iter().filter(|e| e.light == light && e.weight != 0.0).collect();
+            let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
+            let mut picture = vec![[0.0_f32; 3]; n];
+            let mut channel = vec![0.0; self.width()];
+            for (y, line) in picture.chunks_mut(self.width()).enumerate() {
+                for c in 0..3 {
+                    let rows: Vec<usize> = entries.iter().map(|e| e.row * 3 + c).collect();
+                    kernels::combine(self.line(&self.rgb, 3, y), &rows, &weights, &mut channel);
+                    // Weights of both signs: rounding may leave less than nothing.
+                    line.iter_mut().zip(&channel).for_each(|(rgb, v)| rgb[c] = v.max(0.0) as f32);
                 }
-                // Weights of both signs: rounding may leave less than nothing.
-                sums.into_iter().map(|s| s.map(|v| v.max(0.0) as f32)).collect()
-            })
-            .collect();
+            }
+            picture
+        };
+        let lights: Vec<Vec<[f32; 3]>> = (0..layout.lights.len()).into_par_iter().map(of_light).collect();
         let rgb = (0..n)
             .map(|p| std::array::from_fn(|c| lights.iter().map(|l| f64::from(l[p][c])).sum::<f64>() as f32))
             .collect();

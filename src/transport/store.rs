@@ -23,7 +23,7 @@ use crate::{
 
 const MAGIC: &[u8; 13] = b"LIGHTOPTBASIS";
 /// Version of the format and of what the tables mean.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// A basis cannot be stored or read.
 #[derive(Debug, thiserror::Error)]

@@ -2,11 +2,11 @@
 
 use glam::{UVec2, Vec3};
 use lightopt_embree::{
-    film::{Contribution, Recorder},
-    integrator::{Heuristic, Integrator, IntegratorKind},
+    film::{Contribution, LightState, Recorder, Region, RgbFilm},
+    integrator::{Heuristic, Integrator, IntegratorKind, Sampling, Values},
     light::SizeDensity,
     math::{
-        luminance,
+        self, luminance,
         stats::{Moments, normal_deviate, sidak_z},
     },
     sampler::SamplerKind,
@@ -25,8 +25,9 @@ const PATH: Integrator = Integrator {
     heuristic: Heuristic::Power,
     first_light_samples: 6,
     light_samples: 3,
+    camera_subpaths: 1,
 };
-const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
+const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, camera_subpaths: 4, ..PATH };
 const SIZES: [f32; 2] = [0.1, 1.5];
 const LARGEST_VALUE: f32 = 1.2;
 
@@ -124,7 +125,7 @@ fn feathered(
     seed: u64,
     spp: u32,
 ) -> Vec<f64> {
-    use lightopt_embree::integrator::{Values, bdpt, path};
+    use lightopt_embree::integrator::{bdpt, path};
     use lightopt_embree::sampler::Sampler;
     scene.set_background_value(x.value as f32, LARGEST_VALUE);
     let size = layout.size;
@@ -217,6 +218,69 @@ fn recombination_equals_feathered_renders_at_random_lightings() {
                 .collect();
             let (worst, total) = compare(&recombined(&basis, x), &direct);
             println!("{:?} v {:.2}: worst z {worst:.2}, picture z {total:.2}", integrator.kind, x.value);
+            assert!(worst < threshold && total.abs() < threshold, "{:?} {x:?}", integrator.kind);
+        }
+    }
+}
+
+/// One render of several lightings, at sizes and background values of their own, against a
+/// render of each.
+#[test]
+fn lightings_rendered_together_equal_renders_of_each() {
+    const N: usize = 3;
+    for integrator in [PATH, BDPT] {
+        let mut scene = scene();
+        let (n, spp) = (24, 32);
+        let mut random = Random::new(&[7]);
+        // The first value is the largest.
+        let lightings: Vec<LightingPoint> =
+            [1.1, 0.6, 0.0].map(|v| random_lighting(&scene, &mut random, v)).to_vec();
+        let state = |(&l, &s): (&f64, &f64)| LightState { radiance: l as f32, size: s as f32 };
+        let states: Vec<Vec<LightState>> =
+            lightings.iter().map(|x| x.radiance.iter().zip(&x.size).map(state).collect()).collect();
+        let region = Region::full(scene.camera.size());
+        let sampling = |seed: u64| Sampling { sampler: SamplerKind::Sobol, seed, first: 0, count: spp };
+        let image = |sum: &dyn Fn(usize) -> [f64; 3]| -> Vec<f64> {
+            let pixel = |p| math::display::luminance(sum(p).map(|v| (v / f64::from(spp)) as f32));
+            (0..region.n_pixels()).map(pixel).collect()
+        };
+
+        scene.set_background_value(1.1, 1.1);
+        for (l, light) in scene.lights.iter_mut().enumerate() {
+            if light.has_size() {
+                let sizes: Vec<(f32, f32)> =
+                    states.iter().map(|k| (k[l].size, 1.0 + k[l].radiance)).collect();
+                light.size_density = SizeDensity::one_of(&sizes);
+            }
+        }
+        let nodes = Values::<N>(std::array::from_fn(|k| lightings[k].value as f32));
+        let mut together = vec![Vec::new(); N];
+        for seed in 0..n {
+            let mut film = RgbFilm::<N>::of_lightings(region, &states, 1.0);
+            integrator.render_values(&scene, &nodes, &mut film, &[sampling(seed)], &()).unwrap();
+            for (k, images) in together.iter_mut().enumerate() {
+                images.push(image(&|p| film.sum(p, k)));
+            }
+        }
+        let threshold = sidak_z(0.01, N * (region.n_pixels() + 1));
+        for (k, x) in lightings.iter().enumerate() {
+            scene.set_background_value(x.value as f32, x.value as f32);
+            for (l, state) in states[k].iter().enumerate() {
+                if scene.lights[l].has_size() {
+                    scene.set_light(l, state.radiance, state.size);
+                }
+            }
+            let each: Vec<Vec<f64>> = (0..n)
+                .map(|seed| {
+                    let mut film = RgbFilm::new(region, &states[k], 1.0);
+                    integrator.render(&scene, &mut film, sampling(1000 + seed), &()).unwrap();
+                    let radiance: Vec<f32> = states[k].iter().map(|s| s.radiance).collect();
+                    let picture = film.develop(&radiance, spp);
+                    picture.rgb.iter().map(|&rgb| math::display::luminance(rgb)).collect()
+                })
+                .collect();
+            let (worst, total) = compare(&together[k], &each);
+            println!("{:?} lighting {k}: worst z {worst:.2}, picture z {total:.2}", integrator.kind);
             assert!(worst < threshold && total.abs() < threshold, "{:?} {x:?}", integrator.kind);
         }
     }

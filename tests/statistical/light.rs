@@ -23,7 +23,7 @@ const EXTENT: f32 = 1.4;
 const CONE: Cone = Cone { cos_inner: 0.9, cos_outer: 0.6 };
 
 fn grown(mut light: Light) -> Light {
-    light.size_density = SizeDensity::UniformArea { extent: EXTENT };
+    light.size_density = SizeDensity::uniform_area(EXTENT);
     light
 }
 
@@ -385,7 +385,7 @@ fn parts_of_a_large_light_are_the_small_light() {
             for (light, form_factor) in cases {
                 // From the large light, and from one that is sampled at this size.
                 for extent in [EXTENT, s] {
-                    let light = Light { size_density: SizeDensity::UniformArea { extent }, ..light.clone() };
+                    let light = Light { size_density: SizeDensity::uniform_area(extent), ..light.clone() };
                     let measured = irradiance(&light, Vec3::ZERO, Vec3::Y, s, &mut random, N / 4);
                     let what = format!("irradiance of {} {s} of {extent} at {d}", light.name);
                     all.push(Expectation { what, expected: PI * form_factor, measured });
@@ -406,7 +406,7 @@ fn parts_of_a_large_light_are_the_small_light_from_aside() {
             let n = Vec3::new(-0.2, 1.0, 0.1).normalize();
             for s in SIZES {
                 let part = irradiance(&light, *reference, n, s, &mut random, N / 4);
-                let small = Light { size_density: SizeDensity::UniformArea { extent: s }, ..light.clone() };
+                let small = Light { size_density: SizeDensity::uniform_area(s), ..light.clone() };
                 let small = irradiance(&small, *reference, n, s, &mut random, N / 4);
                 let sd = (part.variance_of_mean() + small.variance_of_mean()).sqrt();
                 all.push((format!("{} {s} from {reference}", light.name), part.mean(), small.mean(), sd));
@@ -547,7 +547,12 @@ fn emitted_directions_follow_their_density() {
 #[test]
 fn sizes_follow_their_density() {
     let range = [0.1, 2.0];
-    let densities = [SizeDensity::any_size(range), SizeDensity::focused(range, 0.7)];
+    let densities = [
+        SizeDensity::any_size(range),
+        SizeDensity::focused(range, &[(0.7, 1.0)]),
+        SizeDensity::focused(range, &[(1.4, 1.0), (0.2, 3.0)]),
+        SizeDensity::one_of(&[(2.0, 1.0), (0.55, 0.2), (0.7, 2.0)]),
+    ];
     for density in densities {
         let edges = [0.0, 0.05, 0.1, 0.2, 0.4, 0.55, 0.7, 1.0, 1.4, 1.7, 2.0_f32];
         let probabilities: Vec<f64> = edges

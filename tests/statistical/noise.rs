@@ -55,7 +55,7 @@ fn basis(scene: &mut Scene, seed: u64, spp: u32) -> TransportBasis {
     let x = lighting();
     let bins = scene.lights.iter_mut().zip(&x.size).map(|(light, &at)| {
         light.size_density = SizeDensity::any_size(SIZES);
-        SizeBins::Free(Knots::around(f64::from(SIZES[0]), f64::from(SIZES[1]), at, 0.1, 20))
+        SizeBins::Free(Knots::around(f64::from(SIZES[0]), f64::from(SIZES[1]), &[at], 0.1, 20))
     });
     let bins = bins.collect();
     scene.set_background_value(LARGEST_VALUE, LARGEST_VALUE);

@@ -19,8 +19,10 @@ use crate::support::scenes;
 #[test]
 fn fast_weights_equal_the_reference_on_random_paths() {
     for scene in scenes::ALL.map(|make| make((24, 24))) {
-        for heuristic in [Heuristic::Balance, Heuristic::Power] {
-            let integrator = Integrator { heuristic, ..Integrator::default() };
+        for (heuristic, camera_subpaths) in
+            [(Heuristic::Balance, 1), (Heuristic::Power, 1), (Heuristic::Power, 4)]
+        {
+            let integrator = Integrator { heuristic, camera_subpaths, ..Integrator::default() };
             let mut sampler = Sampler::new(SamplerKind::Sobol, 11);
             let (n, mut worst) = (std::cell::Cell::new(0), 0.0_f64);
             let mut strategies = BTreeMap::new();
@@ -79,6 +81,7 @@ fn every_strategy_has_the_same_mean_per_path_length() {
         kind: IntegratorKind::Bdpt,
         max_depth: 4,
         heuristic: Heuristic::Power,
+        camera_subpaths: 3,
         ..Integrator::default()
     };
     let size = scene.camera.size();

@@ -109,7 +109,7 @@ pub fn light(name: &str, shape: Shape) -> Light {
         color: Rgb::ONE,
         radiance: 1.0,
         size: 1.0,
-        size_density: SizeDensity::UniformArea { extent: 1.0 },
+        size_density: SizeDensity::uniform_area(1.0),
         camera_visible: true,
         occludes: false,
     }

@@ -64,8 +64,8 @@ impl<const N: usize> Connect<'_, N> {
             } else {
                 h.apply(f64::from(f.pdf.to_area(dist2, l.at.n.dot(l.wi)).0) / (p_nee * f64::from(expected)))
             };
-            // s >= 2 chooses the light once.
-            let once = f64::from(scene.light_sampler.pmf(id).0 / expected);
+            // s >= 2 chooses the light once a light subpath.
+            let once = f64::from(integrator.light_subpaths() * scene.light_sampler.pmf(id).0 / expected);
             let r =
                 once * p_origin / p_nee * f64::from(pdf_dir.to_area(dist2, z.abs_cos(l.wi)).0) / z.pdf_fwd;
             let s_c = h.apply(r) * z.mis.close(h, f.pdf_rev.0);
@@ -200,7 +200,7 @@ impl<const N: usize> Connect<'_, N> {
         }
         let Some(l) = light.sample_li(camera[0].p, u) else { return };
         let Some(c) = scene.camera.sample_wi(camera[0].p, l.at.p) else { return };
-        let p_nee = l.pdf.0 * pmf.0;
+        let p_nee = integrator.samples_at(0) * l.pdf.0 * pmf.0;
         let passed = scene.transmittance(camera[0].p, l.at.p, Some(id));
         let value = NodeRgb::<N>::ONE.times(l.radiance * (passed * c.we.0 / p_nee));
         if value.is_zero() {

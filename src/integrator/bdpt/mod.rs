@@ -56,12 +56,17 @@ pub fn sample<'a, const N: usize>(
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
     let mut light_sampler = sampler.clone();
-    light_sampler.start_stream(Stream::Light);
+    let is_lit = light_sampler.start_one_of(Stream::Light, integrator.camera_subpaths);
 
     subpath::trace_camera(integrator, scene, nodes, sampler, pixel, camera, trace_camera, recorder);
-    subpath::trace_light(integrator, scene, nodes, &mut light_sampler, light);
     let connect = connect::Connect { integrator, scene, nodes };
-    connect.to_camera(&mut connection, camera, light, recorder);
+    light.clear();
+    if is_lit {
+        subpath::trace_light(integrator, scene, nodes, &mut light_sampler, light);
+        connect.to_camera(&mut connection, camera, light, recorder);
+    } else {
+        connection.skip_4d();
+    }
     if !trace_camera {
         return;
     }

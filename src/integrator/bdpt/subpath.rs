@@ -86,8 +86,8 @@ fn cross_lights<const N: usize>(
         // s = 1 has its own density of the light point, s >= 2 that of an origin.
         let n_nee = f64::from(integrator.samples_at(n_edges - 1));
         let s1 = h.apply(n_nee * p_nee / p_hit) * partial.previous;
-        let s2 =
-            h.apply(pmf * f64::from(origin.0) / p_hit) * (partial.close(h, emission.0) - partial.previous);
+        let p_origin = f64::from(integrator.light_subpaths()) * pmf * f64::from(origin.0);
+        let s2 = h.apply(p_origin / p_hit) * (partial.close(h, emission.0) - partial.previous);
         let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
         recorder.add(&Contribution {
             light: id,
@@ -116,6 +116,7 @@ pub fn trace_light<'a, const N: usize>(
     let Some((id, pmf, _)) = scene.light_sampler.sample(u_light) else { return };
     let light = &scene.lights[id as usize];
     let Some(e) = light.sample_le(u_pos, u_dir) else { return };
+    let n = integrator.light_subpaths();
     let origin = pmf.0 * e.pdf_pos.0;
     let cos = if light.is_delta() { 1.0 } else { e.at.n.dot(e.dir).abs() };
     out.push(Vertex {
@@ -132,10 +133,14 @@ pub fn trace_light<'a, const N: usize>(
     let walk = Walk {
         org: e.at.p,
         dir: e.dir,
-        beta: NodeRgb::ONE.times(e.radiance * (cos / (origin * e.pdf_dir.0))),
+        beta: NodeRgb::ONE.times(e.radiance * (cos / (n * origin * e.pdf_dir.0))),
         pdf: e.pdf_dir,
-        // c_0: a light that can be crossed has s = 0.
-        mis: Partial { previous: 0.0, geometry: 0.0, inner: if light.is_delta() { 0.0 } else { 1.0 } },
+        // c_0: a light that can be crossed has s = 0, with every camera subpath.
+        mis: Partial {
+            previous: 0.0,
+            geometry: 0.0,
+            inner: if light.is_delta() { 0.0 } else { integrator.heuristic.apply(1.0 / f64::from(n)) },
+        },
         cos_over_pdf: f64::from(cos) / f64::from(origin),
         mode: TransportMode::Importance,
     };
@@ -175,6 +180,7 @@ impl<const N: usize> Walk<N> {
     ) {
         let h = integrator.heuristic;
         let is_camera = self.mode == TransportMode::Radiance;
+        let start = self.beta.largest().max_element();
         loop {
             let n_edges = out.len();
             // The last edge of a path can only cross a light: light subpaths need not walk it.
@@ -201,9 +207,10 @@ impl<const N: usize> Walk<N> {
             if let Some((id, light)) = light {
                 // c_1 on the light side: the density of y_0 as seen from y_1, a later vertex of the
                 // camera subpath, over its own.
-                let expected = f64::from(integrator.samples_at(2)) * f64::from(scene.light_sampler.pmf(id).0);
+                let n = f64::from(integrator.samples_at(2) / integrator.light_subpaths());
+                let expected = n * f64::from(scene.light_sampler.pmf(id).0);
                 mis.previous = if light.is_delta() {
-                    h.apply(f64::from(integrator.samples_at(2)))
+                    h.apply(n)
                 } else {
                     let nee = light.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
                     h.apply(expected * f64::from(nee.0) / from.pdf_fwd)
@@ -229,7 +236,8 @@ impl<const N: usize> Walk<N> {
             out.push(vertex);
             let Some(s) = sample else { return };
             self.beta = nodes.scatter(&self.beta, s.weight, &si);
-            let Some(survivor) = roulette(n_edges, self.beta.largest(), u_roulette) else { return };
+            let throughput = self.beta.largest() / start;
+            let Some(survivor) = roulette(n_edges, throughput, u_roulette) else { return };
             self.beta = self.beta.scaled(survivor);
             if self.beta.is_zero() {
                 return;

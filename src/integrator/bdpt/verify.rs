@@ -57,6 +57,7 @@ pub fn reference_weight(
 pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
     let k = x.len() - 1;
     let n_light_samples = f64::from(integrator.samples_at(k - 1));
+    let n_light_subpaths = f64::from(integrator.light_subpaths());
     let light = &scene.lights[end.id as usize];
     let pmf = f64::from(scene.light_sampler.pmf(end.id).0);
     let is_infinite = light.is_infinite();
@@ -112,7 +113,7 @@ pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[Pat
             let light_side: f64 = match s {
                 0 => 1.0,
                 1 => n_light_samples * next_event,
-                _ => from_light[..s].iter().product(),
+                _ => n_light_subpaths * from_light[..s].iter().product::<f64>(),
             };
             let camera_side: f64 = from_camera[s..].iter().product();
             if exists { light_side * camera_side } else { 0.0 }

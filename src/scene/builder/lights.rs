@@ -95,7 +95,7 @@ impl Builder<'_> {
                 color: material.emission_tint() / luminance(material.emission_tint()),
                 radiance: luminance(material.emission_tint()),
                 size: 1.0,
-                size_density: SizeDensity::UniformArea { extent: 1.0 },
+                size_density: SizeDensity::uniform_area(1.0),
                 camera_visible: true,
                 occludes: false,
             });
@@ -223,7 +223,7 @@ impl Builder<'_> {
             color: color / y,
             radiance,
             size,
-            size_density: SizeDensity::UniformArea { extent: size },
+            size_density: SizeDensity::uniform_area(size),
             camera_visible: l.camera_visible,
             occludes: l.occludes,
         })
@@ -361,7 +361,7 @@ fn punctual(l: &ImportedLight) -> Light {
         color: if y > 0.0 { l.color / y } else { Rgb::ONE },
         radiance: l.intensity * y,
         size: 1.0,
-        size_density: SizeDensity::UniformArea { extent: 1.0 },
+        size_density: SizeDensity::uniform_area(1.0),
         camera_visible: true,
         occludes: false,
     }
