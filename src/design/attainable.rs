@@ -52,11 +52,9 @@ pub fn reach(
 ) -> Result<Vec<Reach>, ObjectiveError> {
     let n = whole.variables.len() as u32;
     let measure = |evaluator: &Evaluator, points: Vec<Vec<f64>>| {
-        let measured = points.into_par_iter().map(|u| {
-            let evaluation = evaluator.estimate(&u, 1)?.evaluation;
-            Ok((u, evaluation))
-        });
-        measured.collect::<Result<Vec<_>, ObjectiveError>>()
+        let estimates = evaluator.estimates(&points.iter().map(Vec::as_slice).collect::<Vec<_>>(), 1)?;
+        let evaluations = estimates.into_iter().map(|e| e.evaluation);
+        Ok::<_, ObjectiveError>(points.into_iter().zip(evaluations).collect::<Vec<_>>())
     };
     let spread = (0..N_POINTS)
         .map(|i| (0..n).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect())

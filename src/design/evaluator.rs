@@ -1,5 +1,7 @@
 //! f_q of a lighting from the basis, freed of noise bias, with its exact gradient.
 
+use rayon::prelude::*;
+
 use crate::{
     math::display::LuminanceMode,
     objective::{
@@ -10,6 +12,9 @@ use crate::{
     params::{ParamVector, VariableKind},
     transport::{LightingGradient, LightingPoint, Recombination, Tangents, TransportBasis},
 };
+
+/// Points whose pictures are recombined at a time: their images stay in the caches.
+const TOGETHER: usize = 4;
 
 /// f_q as a function of the variables.
 #[derive(Clone, Copy, Debug)]
@@ -204,14 +209,41 @@ impl Evaluator<'_> {
     /// # Errors
     /// With fewer than two replicates.
     pub fn estimate(&self, u: &[f64], labellings: usize) -> Result<JackknifeEstimate, ObjectiveError> {
-        let r = Recombination::new(self.basis.layout(), &self.lighting(&self.variables.decode(u)));
-        let image = |i| {
-            let mut y = vec![0.0; self.basis.layout().n_pixels()];
-            self.basis.luminance(i, &r, &mut y);
-            y
+        Ok(self.estimate_each(&[u], labellings)?.remove(0))
+    }
+
+    /// [`Self::estimate`] at many points, in parallel.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    pub fn estimates(
+        &self,
+        points: &[&[f64]],
+        labellings: usize,
+    ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
+        let parts = points.par_chunks(TOGETHER).map(|part| self.estimate_each(part, labellings));
+        Ok(parts.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+    }
+
+    fn estimate_each(
+        &self,
+        points: &[&[f64]],
+        labellings: usize,
+    ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
+        let lighting = |u: &&[f64]| self.lighting(&self.variables.decode(u));
+        let lightings: Vec<Recombination> =
+            points.iter().map(|u| Recombination::new(self.basis.layout(), &lighting(u))).collect();
+        let lightings: Vec<&Recombination> = lightings.iter().collect();
+        let (n, n_replicates) = (self.basis.layout().n_pixels(), self.basis.n_replicates());
+        let mut images = vec![vec![vec![0.0; n]; n_replicates]; points.len()];
+        for i in 0..n_replicates {
+            let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();
+            self.basis.luminances(i, &lightings, &mut out);
+        }
+        let Self { luminance, exposure, objective, .. } = *self;
+        let measure = |linear: &Vec<Vec<f64>>| {
+            Replicates { linear, luminance, exposure }.measure(objective, labellings)
         };
-        let linear: Vec<Vec<f64>> = (0..self.basis.n_replicates()).map(image).collect();
-        let Self { luminance, exposure, .. } = *self;
-        Replicates { linear: &linear, luminance, exposure }.measure(self.objective, labellings)
+        images.iter().map(measure).collect()
     }
 }

@@ -16,6 +16,7 @@ pub mod evaluator;
 pub mod manifest;
 mod optimise;
 mod precision;
+mod quest;
 mod search;
 pub mod shot;
 
@@ -394,13 +395,13 @@ fn find_by_differences<'a>(
     setting: &mut Setting<'a>,
     renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<basis::Found, RunError> {
+) -> Result<quest::Found, RunError> {
     let optimise::Found { u, evaluations, stop } =
         optimise::by_differences(task, setting, renders, reporter)?;
     let (x, stage) = (setting.variables.decode(&u), "checking the result with new samples");
     let check = measure(&task.objective, setting, &x, Purpose::Check, stage, reporter)?;
     *renders += 2;
-    Ok(basis::Found { u, check, evaluations, stop, reach: Vec::new() })
+    Ok(quest::Found { u, check, evaluations, stop, reach: Vec::new() })
 }
 
 /// A render with every light at radiance 1.

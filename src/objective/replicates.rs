@@ -60,29 +60,32 @@ impl Replicates<'_> {
         let full = statistics(&mean);
         let mut one_out = vec![0.0; n];
         let (all, rest) = (replicates as f64, 1.0 / (replicates as f64 - 1.0));
-        let labelled: Vec<Vec<Statistics>> = (0..labellings)
-            .map(|labelling| {
-                let shifts: Vec<usize> = (0..n).map(|p| shift(labelling, p, replicates)).collect();
-                (0..replicates)
-                    .map(|r| {
-                        for (p, (left, shift)) in one_out.iter_mut().zip(&shifts).enumerate() {
-                            *left = (all * mean[p] - self.linear[(r + shift) % replicates][p]) * rest;
-                        }
-                        statistics(&one_out)
-                    })
-                    .collect()
-            })
-            .collect();
+        let as_they_are = self.linear.iter().map(|left_out| {
+            for ((left, m), y) in one_out.iter_mut().zip(&mean).zip(left_out) {
+                *left = (all * m - y) * rest;
+            }
+            statistics(&one_out)
+        });
+        let first: Vec<Statistics> = as_they_are.collect();
+        let relabelled = (1..labellings).map(|labelling| {
+            let shifts: Vec<usize> = (0..n).map(|p| shift(labelling, p, replicates)).collect();
+            (0..replicates)
+                .map(|r| {
+                    for (p, (left, shift)) in one_out.iter_mut().zip(&shifts).enumerate() {
+                        *left = (all * mean[p] - self.linear[(r + shift) % replicates][p]) * rest;
+                    }
+                    statistics(&one_out)
+                })
+                .collect()
+        });
+        let labelled: Vec<Vec<Statistics>> = std::iter::once(first).chain(relabelled).collect();
         objective.jackknife(&full, &labelled, &Smoothing::NONE)
     }
 }
 
-/// By how much a labelling moves the labels of a pixel round: none in the first.
+/// By how much a labelling moves the labels of a pixel round.
 fn shift(labelling: usize, pixel: usize, replicates: usize) -> usize {
-    match labelling {
-        0 => 0,
-        _ => (hash_words(&[labelling as u64, pixel as u64]) % replicates as u64) as usize,
-    }
+    (hash_words(&[labelling as u64, pixel as u64]) % replicates as u64) as usize
 }
 
 #[cfg(test)]

@@ -120,12 +120,26 @@ impl Recombination {
 impl TransportBasis {
     /// Linear luminance of a replicate, into `out`.
     pub fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
+        self.luminances(replicate, &[r], &mut [out]);
+    }
+
+    /// As [`Self::luminance`] for several lightings: those alike read the same rows, which are
+    /// then fetched from memory once.
+    pub fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
-        let shining: Vec<&Entry> = r.entries.iter().filter(|e| e.weight != 0.0).collect();
-        let weights: Vec<f64> = shining.iter().map(|e| e.weight * scale).collect();
-        let rows: Vec<usize> = shining.iter().map(|e| e.row).collect();
-        for (y, out) in out.chunks_mut(self.width()).enumerate() {
-            kernels::combine(self.line(&self.luminance[replicate], 1, y), &rows, &weights, out);
+        let weighted: Vec<(Vec<usize>, Vec<f64>)> = lightings
+            .iter()
+            .map(|r| {
+                let shining = r.entries.iter().filter(|e| e.weight != 0.0);
+                shining.map(|e| (e.row, e.weight * scale)).unzip()
+            })
+            .collect();
+        let width = self.width();
+        for y in 0..self.layout.size.y as usize {
+            let line = self.line(&self.luminance[replicate], 1, y);
+            for ((rows, weights), out) in weighted.iter().zip(&mut *out) {
+                kernels::combine(line, rows, weights, &mut out[y * width..][..width]);
+            }
         }
     }
 

@@ -1,0 +1,328 @@
+//! A look on its way: what it needs next, and what becomes of it.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::{
+    RunError, Setting, Task,
+    attainable::{self, Reach},
+    attribute,
+    engine::{Engine, REPLICATES},
+    evaluator::Evaluator,
+    precision::{MAX_SAMPLES, is_exact, more, needed},
+    search::{self, Polished, Trial},
+};
+use crate::{
+    audit::picture,
+    film::exr::ExrImage,
+    objective::{JackknifeEstimate, LABELLINGS},
+    optim::StopReason,
+    params::ParamVector,
+};
+
+/// Times the basis is rendered anew around what was found.
+pub const MAX_REFOCUS: u32 = 4;
+/// First samples of each replicate of a basis around what was found; more are added as needed.
+const FOCUS_SAMPLES: u32 = 4;
+/// Times that samples are added for the tolerance.
+const MAX_ADDITIONS: u32 = 6;
+
+/// What was found for one target.
+pub struct Found {
+    /// The point, in the unit cube.
+    pub u: Vec<f64>,
+    /// f_q there, from samples that chose nothing.
+    pub check: JackknifeEstimate,
+    /// Evaluations with gradient.
+    pub evaluations: u32,
+    /// Why the last search ended.
+    pub stop: StopReason,
+    /// What of each term the lights can reach.
+    pub reach: Vec<Reach>,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// Render a basis around the best point, of so many samples.
+    Refocus(u32),
+    /// Add so many samples to the present one.
+    Add(u32),
+    /// Search the present basis once more, now that its samples are enough.
+    Search,
+    /// Check the best point.
+    Check,
+}
+
+impl Step {
+    /// What serves all looks on a basis of `samples`: what one needs, the others take along.
+    pub fn for_all(wishes: &[Self], samples: u32) -> Self {
+        let of = |wish: &Self| match *wish {
+            Self::Refocus(n) => n,
+            Self::Add(n) => samples + n,
+            Self::Search | Self::Check => 0,
+        };
+        let most = wishes.iter().map(of).max().unwrap_or(0);
+        let any = |is: fn(&Self) -> bool| wishes.iter().any(is);
+        if any(|w| matches!(w, Self::Refocus(_))) {
+            Self::Refocus(most)
+        } else if any(|w| matches!(w, Self::Add(_))) {
+            Self::Add(most - samples)
+        } else if any(|w| matches!(w, Self::Search)) {
+            Self::Search
+        } else {
+            Self::Check
+        }
+    }
+}
+
+/// How far the search around the best point has come: it looks far with the first samples of a
+/// basis and again when there are enough, and after that only goes on downhill.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Search {
+    Due,
+    Began,
+    Done,
+}
+
+/// What the bases have cost so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spent {
+    /// Bases rendered around a point.
+    pub rounds: u32,
+    /// Times that samples were added.
+    pub additions: u32,
+}
+
+/// A look on its way.
+pub struct Quest<'t, 'a> {
+    /// Its place among those that are sought together.
+    pub index: usize,
+    pub task: &'t mut Task<'a>,
+    /// The search of the first basis.
+    pub trials: Vec<Trial>,
+    pub best: Polished,
+    pub evaluations: u32,
+    /// What the present basis is made around.
+    pub focus: Vec<f64>,
+    pub search: Search,
+}
+
+impl Quest<'_, '_> {
+    /// Evaluators of the whole picture and, if possible, of a smaller one.
+    fn evaluators<'e>(&'e self, now: &'e Engine, setting: &'e Setting) -> [Evaluator<'e>; 2] {
+        evaluators(now, setting, self.task)
+    }
+
+    pub fn log_time(&mut self, stage: &str, since: Instant) -> Result<(), RunError> {
+        self.task.dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
+        Ok(())
+    }
+
+    /// What this look needs next.
+    pub fn wish(
+        &self,
+        now: &Engine,
+        spent: Spent,
+        setting: &Setting,
+        may_go_on: bool,
+    ) -> Result<Step, RunError> {
+        let least = FOCUS_SAMPLES * REPLICATES as u32;
+        let may_refocus = may_go_on && spent.rounds < MAX_REFOCUS;
+        let may_add = may_go_on && spent.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
+        let tolerance = setting.options.tolerance;
+        // Few samples that matter are worth more than many that do not.
+        // A basis to be kept gets them itself: other looks will need them elsewhere.
+        if may_refocus && !now.is_focused() && !now.is_stored() {
+            // A basis of its own has less noise: what this one would need is enough.
+            let enough = f64::from(now.samples()) * needed(&self.best.estimate, tolerance);
+            return Ok(Step::Refocus((enough as u32).clamp(least, 2 * least)));
+        }
+        let exact = is_exact(&self.best.estimate, tolerance);
+        if exact || !may_add {
+            let is_searched = self.search != Search::Due || !now.is_focused();
+            return Ok(match (is_searched, exact || !may_refocus) {
+                (false, _) => Step::Search,
+                (true, true) => Step::Check,
+                (true, false) => Step::Refocus(now.samples()),
+            });
+        }
+        if may_refocus && now.is_focused() {
+            // Where the search has gone, a new basis may need fewer samples than this one lacks.
+            let [whole, _] = self.evaluators(now, setting);
+            let fresh = needed(&whole.estimate(&self.focus, LABELLINGS)?, tolerance);
+            if fresh < needed(&self.best.estimate, tolerance) - 1.0 {
+                let samples = (f64::from(now.samples()) * fresh).ceil() as u32;
+                return Ok(Step::Refocus(samples.max(least)));
+            }
+        }
+        Ok(Step::Add(more(now.samples(), &self.best.estimate, tolerance)))
+    }
+
+    /// Goes on after a step.
+    pub fn advance(
+        &mut self,
+        step: Step,
+        now: &Engine,
+        setting: &Setting,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<(), RunError> {
+        let next = match (step, self.search) {
+            (Step::Search, _) => Search::Done,
+            // Not many more samples show nothing new far away.
+            (Step::Add(n), Search::Began) if 3 * n <= now.samples() => Search::Done,
+            (Step::Add(_), Search::Began) => Search::Due,
+            (Step::Refocus(_), Search::Due) => Search::Began,
+            (_, same) => same,
+        };
+        let seed = now.seed() as u32;
+        let evaluators = self.evaluators(now, setting);
+        let whole = evaluators[0];
+        let (best, evaluations) = match (step, self.search, next) {
+            (Step::Search | Step::Refocus(_), Search::Due, _) => {
+                self.search_around(evaluators, seed, cancelled)?
+            }
+            (Step::Search | Step::Check, ..) => return Ok(()),
+            (.., Search::Done) => {
+                let refined = search::refine(&whole, &self.best.u, cancelled)?;
+                let n = refined.evaluations.len() as u32;
+                (self.best.followed_by(&refined), n)
+            }
+            _ => {
+                let estimate = whole.estimate(&self.best.u, LABELLINGS)?;
+                (Polished { estimate, ..self.best.clone() }, 0)
+            }
+        };
+        self.best = best;
+        self.evaluations += evaluations;
+        self.search = next;
+        Ok(())
+    }
+
+    /// Searches a new basis around the best point, and from the other ends that were found.
+    fn search_around(
+        &self,
+        [whole, reduced]: [Evaluator; 2],
+        seed: u32,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<(Polished, u32), RunError> {
+        let ends = self.trials.iter().filter_map(|t| Some((t.name.clone(), t.polished.as_ref()?.u.clone())));
+        let starts: Vec<_> = std::iter::once(("best".to_owned(), self.best.u.clone())).chain(ends).collect();
+        let within = search::Within::around(&self.best.u);
+        let again = search::search(&whole, &reduced, &starts, &within, seed, cancelled)?;
+        let found = search::best(&again).map_or_else(|| self.best.clone(), |(_, p)| self.best.followed_by(p));
+        Ok((found, search::evaluations(&again)))
+    }
+
+    /// Writes the record, and tells what the lights can reach.
+    pub fn finish(
+        mut self,
+        check: JackknifeEstimate,
+        now: &Engine,
+        setting: &Setting,
+        is_interrupted: bool,
+    ) -> Result<(usize, Found), RunError> {
+        let clock = Instant::now();
+        record(now, &self.best, setting, self.task)?;
+        self.log_time("record", clock)?;
+        let clock = Instant::now();
+        let [whole, reduced] = self.evaluators(now, setting);
+        let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
+        self.log_time("attainability", clock)?;
+        let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
+        let stop = if is_interrupted { StopReason::Interrupted } else { stop };
+        Ok((index, Found { u, check, evaluations, stop, reach }))
+    }
+}
+
+/// Evaluators of a task's whole picture and, if possible, of a smaller one.
+pub fn evaluators<'e>(now: &'e Engine, setting: &'e Setting, task: &'e Task) -> [Evaluator<'e>; 2] {
+    let whole = now.evaluator(setting, &task.objective);
+    let reduced = task.reduced.as_ref().map_or(whole, |objective| now.reduced(setting, objective));
+    [whole, reduced]
+}
+
+pub fn start_line(t: &Trial, variables: &ParamVector) -> Value {
+    json!({
+        "start": t.name,
+        "x": variables.named(&variables.decode(&t.start)),
+        "screened": t.screened,
+        "f_q": t.polished.as_ref().map(|p| p.estimate.evaluation.f_q),
+        "f_q_error": t.polished.as_ref().map(|p| p.estimate.error_bar()),
+        "found": t.polished.as_ref().map(|p| variables.named(&variables.decode(&p.u))),
+        "evaluations": t.polished.as_ref().map(|p| p.evaluations.len()),
+        "stop": t.polished.as_ref().map(|p| p.stop.to_string()),
+    })
+}
+
+/// Writes the evaluations that led to the result, and a picture of each improvement.
+fn record(engine: &Engine, best: &Polished, setting: &Setting, task: &mut Task) -> Result<(), RunError> {
+    let Setting { scene, variables, options, aovs, .. } = setting;
+    let Task { job, objective, dir, .. } = task;
+    let target = &job.target;
+    let evaluator = engine.evaluator(setting, objective);
+    let points: Vec<&[f64]> = best.evaluations.iter().map(|(u, _, _)| u.as_slice()).collect();
+    let estimates = evaluator.estimates(&points, 1)?;
+    let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+    let lines: Vec<Value> = best
+        .evaluations
+        .iter()
+        .zip(&estimates)
+        .enumerate()
+        .map(|(i, ((u, f, slope), e))| {
+            json!({
+                "evaluation": i + 1,
+                "x": variables.named(&variables.decode(u)),
+                "f_q": e.evaluation.f_q,
+                "f_q_error": e.error_bar(),
+                "f_q_naive": e.naive,
+                "f_q_smoothed": f,
+                "terms": e.evaluation.terms_json(),
+                "gradient_norm": slope,
+            })
+        })
+        .collect();
+    let mut least = f64::INFINITY;
+    let mut improvements = Vec::new();
+    for (i, (line, e)) in lines.iter().zip(&estimates).enumerate() {
+        dir.log_evaluation(line)?;
+        if e.evaluation.f_q < least {
+            least = e.evaluation.f_q;
+            improvements.push(i);
+        }
+    }
+    let iterations: Vec<(Value, ExrImage)> = improvements
+        .into_par_iter()
+        .map(|i| {
+            let x = variables.decode(&best.evaluations[i].0);
+            let picture = engine.picture(&evaluator.lighting(&x));
+            let exposure = f64::from(scene.exposure);
+            let display = options.luminance.encode_image(&picture.rgb, exposure);
+            let shown = objective.evaluate(&display);
+            let attribute = attribute(scene, options, target, variables, &x, &shown, engine.samples());
+            let mut line = lines[i].clone();
+            // Of the picture as it is, noise included: what `evaluate` finds in the file.
+            line["f_q_picture"] = shown.f_q.into();
+            (line, picture::exr(&picture, aovs, &names, exposure, options.luminance, attribute))
+        })
+        .collect();
+    dir.log_iterations(&iterations)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_share_the_step_that_serves_all() {
+        let next = |wishes: &[Step]| Step::for_all(wishes, 16);
+        assert_eq!(next(&[Step::Check, Step::Check]), Step::Check);
+        assert_eq!(next(&[Step::Check, Step::Search]), Step::Search);
+        assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));
+        assert_eq!(next(&[Step::Refocus(16), Step::Check]), Step::Refocus(16));
+        assert_eq!(next(&[Step::Refocus(16), Step::Add(8)]), Step::Refocus(24), "as many as it would have");
+    }
+}
