@@ -56,6 +56,10 @@ struct Options<'a> {
     tolerance: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     time_limit: Option<f64>,
+    /// Names of all targets of the run, when there are several: what is found for one depends, within
+    /// its error, on the others.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    targets: Vec<&'a str>,
     memory_mib: u64,
     integrator: IntegratorKind,
     max_depth: usize,
@@ -123,6 +127,10 @@ pub fn text(
             global: options.global,
             tolerance: options.tolerance,
             time_limit: options.time_limit.map(|t| t.as_secs_f64()),
+            targets: match options.jobs.as_slice() {
+                [_] => Vec::new(),
+                jobs => jobs.iter().map(|job| job.target.name()).collect(),
+            },
             memory_mib: options.memory >> 20,
             integrator: options.integrator.kind,
             max_depth: options.integrator.max_depth,

@@ -47,13 +47,47 @@ fn several_looks_come_from_one_basis() {
     let all = run(&room, &["--targets", "high-key,low-key", "--out", "looks"]);
     let looks: Vec<&str> = all.as_array().unwrap().iter().map(|r| r["run_dir"].as_str().unwrap()).collect();
     assert_eq!(looks, ["looks/high-key", "looks/low-key"]);
+    let (high, low) = (&all[0], &all[1]);
+    assert!(high["terms"]["meanBack"]["value"].as_f64() > low["terms"]["meanBack"]["value"].as_f64());
     for look in looks {
+        let manifest = fs::read_to_string(room.path(look).join("run.toml")).unwrap();
+        assert!(manifest.contains("targets = [\"high-key\", \"low-key\"]"), "{manifest}");
         assert!(room.path(look).join("final.exr").exists() && room.path(look).join("lights.toml").exists());
         let mut again = vec!["evaluate", "--json"];
         let picture = format!("{look}/final.exr");
         again.push(&picture);
         room.succeed(&again);
     }
+}
+
+#[test]
+fn more_looks_than_are_found_together_are_found_in_turn() {
+    let room = Room::new();
+    let high = include_str!("../../scenes/targets/high-key.toml");
+    for (name, mean) in [("a", "0.2"), ("b", "0.3"), ("c", "0.4")] {
+        let text = high.replace("\"high-key\"", &format!("{name:?}"));
+        room.write(&format!("{name}.toml"), text.replace("t_meanObj = 0.47", &format!("t_meanObj = {mean}")));
+    }
+    let targets = "high-key,a.toml,low-key,b.toml,c.toml";
+    let mut arguments = vec!["run", "room.obj", "--json", "--targets", targets, "--out", "looks"];
+    arguments.extend(["--tolerance", "0.05"]);
+    arguments.extend(QUICK);
+    let all: Value = serde_json::from_slice(&room.succeed(&arguments).stdout).unwrap();
+    let found: Vec<(&str, f64)> = all
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| (r["target"].as_str().unwrap(), r["f_q"].as_f64().unwrap()))
+        .collect();
+    assert_eq!(found.iter().map(|f| f.0).collect::<Vec<_>>(), ["high-key", "a", "low-key", "b", "c"]);
+    for (name, f_q) in &found {
+        let initial = all.as_array().unwrap().iter().find(|r| r["target"] == *name).unwrap();
+        assert!(*f_q < initial["f_q_initial"].as_f64().unwrap(), "{name}: {f_q}");
+    }
+    arguments.push("--force");
+    let repeated: Value = serde_json::from_slice(&room.succeed(&arguments).stdout).unwrap();
+    let again: Vec<f64> = repeated.as_array().unwrap().iter().map(|r| r["f_q"].as_f64().unwrap()).collect();
+    assert_eq!(again, found.iter().map(|f| f.1).collect::<Vec<_>>(), "equal runs, equal results");
 }
 
 #[test]
