@@ -1,5 +1,7 @@
 //! Renders of the lights found, with samples that chose nothing.
 
+use rayon::prelude::*;
+
 use super::{
     Reporter, RunError, Setting, Unstoppable,
     engine::{Aim, REPLICATES},
@@ -89,7 +91,7 @@ fn check_nodes<const N: usize>(
         first += count;
         *renders += 1;
         let mut measured: Vec<(usize, JackknifeEstimate)> = order
-            .iter()
+            .par_iter()
             .enumerate()
             .map(|(k, &i)| {
                 let pixel =

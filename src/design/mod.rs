@@ -2,8 +2,9 @@
 //!
 //! One direction: survey (bounds and start) ─▶ optimisation at the working
 //! size ─▶ check render ─▶ final render, all recorded in a run directory per
-//! target. Several targets are optimised together, from the same renders. Optimisation is on the [transport basis](crate::transport), or in paper
-//! mode by finite differences of fresh renders.
+//! target. Optimisation is on the [transport basis](crate::transport), where
+//! several targets share all renders, or in paper mode by finite differences of
+//! fresh renders.
 //! Every stage draws from seeds of its own, so that what is reported comes
 //! from samples that chose nothing.
 
