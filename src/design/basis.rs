@@ -51,13 +51,11 @@ pub fn optimise(
     while !open.is_empty() {
         let now = own.as_ref().unwrap_or(engine);
         let may_go_on = !cancelled() && !late();
-        let wishes = open
-            .par_iter()
-            .map(|quest| quest.wish(now, spent, setting, may_go_on))
-            .collect::<Result<Vec<_>, _>>()?;
-        let step = match disagree {
-            true => Step::Refocus(now.samples()),
-            false => Step::for_all(&wishes, now.samples()),
+        let step = if disagree {
+            Step::Refocus(now.samples())
+        } else {
+            let wishes = open.par_iter().map(|quest| quest.wish(now, spent, setting, may_go_on));
+            Step::for_all(&wishes.collect::<Result<Vec<_>, _>>()?, now.samples())
         };
         disagree = false;
         let clock = Instant::now();

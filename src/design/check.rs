@@ -11,8 +11,8 @@ use crate::{
     film::{LightState, Region, RgbFilm},
     integrator::{Sampling, Values},
     light::SizeDensity,
-    math::{display::luminance, hash::hash_words},
-    objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
+    math::display::luminance,
+    objective::{JackknifeEstimate, LABELLINGS, Objective, Replicates},
     transport::LightingPoint,
 };
 
@@ -41,7 +41,6 @@ pub fn check(
     }
 }
 
-#[allow(clippy::too_many_arguments)]
 fn check_nodes<const N: usize>(
     aims: &[Aim],
     objectives: &[&Objective],
@@ -57,6 +56,7 @@ fn check_nodes<const N: usize>(
     let mut order: Vec<usize> = (0..aims.len()).collect();
     let value = |i: usize| aims[i].lighting.value;
     order.sort_by(|&a, &b| value(b).total_cmp(&value(a)));
+    let node_of = |aim: usize| order.iter().position(|&i| i == aim).unwrap_or(0);
     let nodes = Values::<N>(std::array::from_fn(|k| order.get(k).map_or(0.0, |&i| value(i) as f32)));
     scene.set_background_value(nodes.0[0], nodes.0[0]);
     let lightings: Vec<Vec<LightState>> = order
@@ -83,35 +83,33 @@ fn check_nodes<const N: usize>(
     loop {
         reporter.stage("checking the result with new samples", Some(rows));
         let count = spp.div_ceil(REPLICATES as u32).max(1);
+        let sampling = Sampling { sampler: camera.sampler, seed, first, count };
         for (r, film) in films.iter_mut().enumerate() {
-            let seed = hash_words(&[seed, r as u64]);
-            let sampling = Sampling { sampler: camera.sampler, seed, first, count };
-            camera.integrator.render_values(scene, &nodes, film, &[sampling], &observer)?;
+            let replicate = sampling.replicate(r as u64);
+            camera.integrator.render_values(scene, &nodes, film, &[replicate], &observer)?;
         }
         first += count;
         *renders += 1;
-        let mut measured: Vec<(usize, JackknifeEstimate)> = order
-            .par_iter()
-            .enumerate()
-            .map(|(k, &i)| {
-                let pixel =
-                    |film: &RgbFilm<N>, p| luminance(film.sum(p, k).map(|v| (v / f64::from(first)) as f32));
+        let estimates: Vec<JackknifeEstimate> = (0..aims.len())
+            .into_par_iter()
+            .map(|i| {
+                let pixel = |film: &RgbFilm<N>, p| {
+                    luminance(film.sum(p, node_of(i)).map(|v| (v / f64::from(first)) as f32))
+                };
                 let n = scene.camera.size().element_product() as usize;
                 let linear: Vec<Vec<f64>> =
                     films.iter().map(|film| (0..n).map(|p| pixel(film, p)).collect()).collect();
                 let exposure = f64::from(scene.exposure);
                 let replicates = Replicates { linear: &linear, luminance: camera.luminance, exposure };
-                Ok((i, replicates.measure(objectives[i], LABELLINGS)?))
+                replicates.measure(objectives[i], LABELLINGS)
             })
-            .collect::<Result<_, ObjectiveError>>()?;
-        measured.sort_by_key(|(i, _)| *i);
-        let estimates = measured.into_iter().map(|(_, e)| e);
+            .collect::<Result<_, _>>()?;
         let now = first * REPLICATES as u32;
-        let inexact = estimates.clone().filter(|e| !is_exact(e, options.tolerance));
-        let wanted = inexact.map(|e| more(now, &e, options.tolerance)).max();
+        let inexact = estimates.iter().filter(|e| !is_exact(e, options.tolerance));
+        let wanted = inexact.map(|e| more(now, e, options.tolerance)).max();
         match wanted {
             Some(wanted) if now < MAX_SAMPLES && !reporter.cancelled() => spp = wanted,
-            _ => return Ok(estimates.collect()),
+            _ => return Ok(estimates),
         }
     }
 }

@@ -111,11 +111,6 @@ pub struct Quest<'t, 'a> {
 }
 
 impl Quest<'_, '_> {
-    /// Evaluators of the whole picture and, if possible, of a smaller one.
-    fn evaluators<'e>(&'e self, now: &'e Engine, setting: &'e Setting) -> [Evaluator<'e>; 2] {
-        evaluators(now, setting, self.task)
-    }
-
     pub fn log_time(&mut self, stage: &str, since: Instant) -> Result<(), RunError> {
         self.task.dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
         Ok(())
@@ -151,7 +146,7 @@ impl Quest<'_, '_> {
         }
         if may_refocus && now.is_focused() {
             // Where the search has gone, a new basis may need fewer samples than this one lacks.
-            let [whole, _] = self.evaluators(now, setting);
+            let [whole, _] = evaluators(now, setting, self.task);
             let fresh = needed(&whole.estimate(&self.focus, LABELLINGS)?, tolerance);
             if fresh < needed(&self.best.estimate, tolerance) - 1.0 {
                 let samples = (f64::from(now.samples()) * fresh).ceil() as u32;
@@ -178,7 +173,7 @@ impl Quest<'_, '_> {
             (_, same) => same,
         };
         let seed = now.seed() as u32;
-        let evaluators = self.evaluators(now, setting);
+        let evaluators = evaluators(now, setting, self.task);
         let whole = evaluators[0];
         let (best, evaluations) = match (step, self.search, next) {
             (Step::Search | Step::Refocus(_), Search::Due, _) => {
@@ -228,7 +223,7 @@ impl Quest<'_, '_> {
         record(now, &self.best, setting, self.task)?;
         self.log_time("record", clock)?;
         let clock = Instant::now();
-        let [whole, reduced] = self.evaluators(now, setting);
+        let [whole, reduced] = evaluators(now, setting, self.task);
         let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
         self.log_time("attainability", clock)?;
         let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;

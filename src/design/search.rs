@@ -173,12 +173,10 @@ pub fn search(
             Ok((*i, Polished::new(whole, descend(whole, u, &STAGES[1..], cancelled)?)?))
         })
         .collect::<Result<_, OptimError>>()?;
-    let f_q = |p: &Polished| p.estimate.evaluation.f_q;
-    let best = polished.iter().min_by(|a, b| f_q(&a.1).total_cmp(&f_q(&b.1))).map(|(i, _)| *i);
     for (i, p) in polished {
         trials[i].polished = Some(p);
     }
-    if let Some(best) = best.and_then(|i| trials[i].polished.as_mut()) {
+    if let Some(best) = leader(&trials).and_then(|i| trials[i].polished.as_mut()) {
         *best = best.followed_by(&Polished::new(whole, settle(whole, &best.u, cancelled)?)?);
     }
     Ok(trials)
@@ -330,6 +328,12 @@ pub fn evaluations(trials: &[Trial]) -> u32 {
 /// The polished trial with the least f_q.
 #[must_use]
 pub fn best(trials: &[Trial]) -> Option<(&Trial, &Polished)> {
-    let polished = trials.iter().filter_map(|t| Some((t, t.polished.as_ref()?)));
-    polished.min_by(|a, b| a.1.estimate.evaluation.f_q.total_cmp(&b.1.estimate.evaluation.f_q))
+    let leader = &trials[leader(trials)?];
+    Some((leader, leader.polished.as_ref()?))
+}
+
+fn leader(trials: &[Trial]) -> Option<usize> {
+    let f_q = |t: &Trial| t.polished.as_ref().map(|p| p.estimate.evaluation.f_q);
+    let polished = trials.iter().enumerate().filter_map(|(i, t)| Some((i, f_q(t)?)));
+    polished.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
 }

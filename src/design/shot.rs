@@ -3,10 +3,7 @@
 use crate::{
     film::{LightState, Picture, Region, RgbFilm},
     integrator::{Integrator, Observer, RenderError, Sampling},
-    math::{
-        display::{LuminanceMode, luminance},
-        hash::hash_words,
-    },
+    math::display::{LuminanceMode, luminance},
     objective::{
         Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing,
     },
@@ -63,12 +60,11 @@ impl Camera {
             scene.lights.iter().map(|l| LightState { radiance: l.radiance, size: l.size }).collect();
         let radiance: Vec<f32> = states.iter().map(|s| s.radiance).collect();
         let count = (spp / n_replicates).max(1);
+        let sampling = Sampling { sampler: self.sampler, seed, first: 0, count };
         let pictures = (0..n_replicates)
             .map(|r| {
                 let mut film = RgbFilm::new(Region::full(scene.camera.size()), &states, scene.exposure);
-                let seed = hash_words(&[seed, u64::from(r)]);
-                let sampling = Sampling { sampler: self.sampler, seed, first: 0, count };
-                self.integrator.render(scene, &mut film, sampling, observer)?;
+                self.integrator.render(scene, &mut film, sampling.replicate(u64::from(r)), observer)?;
                 Ok(film.develop(&radiance, count))
             })
             .collect::<Result<Vec<Picture>, RenderError>>()?;

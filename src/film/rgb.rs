@@ -200,8 +200,9 @@ impl<const N: usize> Recorder<N> for RgbRow<'_> {
     }
 
     fn splat(&mut self, raster: Vec2, c: &Contribution<N>) {
+        let routes = self.routes(c);
         let Some(pixel) = self.region.index(raster.as_uvec2()) else { return };
-        for Route { picture, node, gain, .. } in self.routes(c) {
+        for Route { picture, node, gain, .. } in routes {
             self.splats.add(
                 pixel * self.scales.len() + picture,
                 c.value.0[node] * gain,

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use crate::{
     bsdf::Affine,
     film::{Contribution, Film, Recorder, RowRecorder},
-    math::{NodeRgb, Rgb},
+    math::{NodeRgb, Rgb, hash::hash_words},
     sampler::{Sampler, SamplerKind},
     scene::{Scene, SurfaceInteraction},
 };
@@ -106,6 +106,14 @@ pub struct Sampling {
     pub first: u32,
     /// Samples per pixel.
     pub count: u32,
+}
+
+impl Sampling {
+    /// The same samples of an independent scramble, the `r`-th.
+    #[must_use]
+    pub fn replicate(self, r: u64) -> Self {
+        Self { seed: hash_words(&[self.seed, r]), ..self }
+    }
 }
 
 /// Why a render has no picture.

@@ -28,7 +28,6 @@ use rayon::prelude::*;
 
 use crate::{
     integrator::{Integrator, Observer, RenderError, Sampling, Values},
-    math::hash::hash_words,
     sampler::SamplerKind,
     scene::Scene,
 };
@@ -209,12 +208,8 @@ impl TransportBasis {
         let Self { layout, luminance, rgb, n_samples } = self;
         let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
         let nodes = Values::<N>(std::array::from_fn(node));
-        let replicates: Vec<Sampling> = (0..luminance.len() as u64)
-            .map(|r| {
-                let seed = hash_words(&[source.seed, r]);
-                Sampling { sampler: source.sampler, seed, first: *n_samples, count }
-            })
-            .collect();
+        let sampling = Sampling { sampler: source.sampler, seed: source.seed, first: *n_samples, count };
+        let replicates: Vec<Sampling> = (0..luminance.len() as u64).map(|r| sampling.replicate(r)).collect();
         let mut film = BasisFilm::<N>::new(layout, luminance, rgb, *n_samples == 0);
         source.integrator.render_values(source.scene, &nodes, &mut film, &replicates, observer)?;
         film.finish();

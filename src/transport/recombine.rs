@@ -189,8 +189,8 @@ impl TransportBasis {
     pub fn shares(&self, x: &LightingPoint) -> Vec<f64> {
         let r = Recombination::new(&self.layout, x);
         let mut sums = vec![0.0_f64; x.radiance.len()];
+        let width = self.width();
         for e in &r.entries {
-            let width = self.width();
             let row = |table: &Vec<f32>, y| -> f64 {
                 let row = &self.line(table, 1, y)[e.row * width..][..width];
                 row.iter().map(|&v| f64::from(v)).sum()
@@ -215,14 +215,15 @@ impl TransportBasis {
             let entries: Vec<&Entry> =
                 r.entries.iter().filter(|e| e.light == light && e.weight != 0.0).collect();
             let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
+            let channels: [Vec<usize>; 3] =
+                std::array::from_fn(|c| entries.iter().map(|e| e.row * 3 + c).collect());
             let mut picture = vec![[0.0_f32; 3]; n];
-            let mut channel = vec![0.0; self.width()];
+            let mut sums = vec![0.0; self.width()];
             for (y, line) in picture.chunks_mut(self.width()).enumerate() {
-                for c in 0..3 {
-                    let rows: Vec<usize> = entries.iter().map(|e| e.row * 3 + c).collect();
-                    kernels::combine(self.line(&self.rgb, 3, y), &rows, &weights, &mut channel);
+                for (c, rows) in channels.iter().enumerate() {
+                    kernels::combine(self.line(&self.rgb, 3, y), rows, &weights, &mut sums);
                     // Weights of both signs: rounding may leave less than nothing.
-                    line.iter_mut().zip(&channel).for_each(|(rgb, v)| rgb[c] = v.max(0.0) as f32);
+                    line.iter_mut().zip(&sums).for_each(|(rgb, v)| rgb[c] = v.max(0.0) as f32);
                 }
             }
             picture

@@ -60,11 +60,11 @@ pub fn sample<'a, const N: usize>(
 
     subpath::trace_camera(integrator, scene, nodes, sampler, pixel, camera, trace_camera, recorder);
     let connect = connect::Connect { integrator, scene, nodes };
-    light.clear();
     if is_lit {
         subpath::trace_light(integrator, scene, nodes, &mut light_sampler, light);
         connect.to_camera(&mut connection, camera, light, recorder);
     } else {
+        light.clear();
         connection.skip_4d();
     }
     if !trace_camera {
