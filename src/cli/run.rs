@@ -86,7 +86,7 @@ pub struct RunArgs {
     pub work_size: Option<UVec2>,
 
     /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
-    /// every working picture with --gradient fd [default: 12]
+    /// every working picture with --gradient fd [default: what --tolerance needs]
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,
 
@@ -219,10 +219,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             luminance,
             size,
             work_size,
-            spp: args.spp.unwrap_or(match args.gradient {
-                Gradient::Basis => 8,
-                Gradient::Fd => 12,
-            }),
+            spp: args.spp,
             final_spp: args.final_spp,
             free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
             seed: args.transport.seed,

@@ -13,14 +13,12 @@ use rayon::prelude::*;
 use super::{
     Purpose, Reporter, RunError, Setting, Task, check,
     engine::{Aim, Engine},
-    precision::needed,
-    quest::{Found, MAX_REFOCUS, Quest, Search, Spent, Step, evaluators, start_line},
+    precision::Precision,
+    quest::{Found, MAX_REFOCUS, Quest, Spent, Step, evaluators, start_line},
     search::{self, Polished, Trial},
     seed_for,
 };
-use crate::{
-    integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate, optim::OptimError,
-};
+use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
 
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
 /// of all that lie around it.
@@ -54,8 +52,8 @@ pub fn optimise(
         let step = if disagree {
             Step::Refocus(now.samples())
         } else {
-            let wishes = open.par_iter().map(|quest| quest.wish(now, spent, setting, may_go_on));
-            Step::for_all(&wishes.collect::<Result<Vec<_>, _>>()?, now.samples())
+            let wishes = open.iter().map(|quest| quest.wish(now, spent, setting, may_go_on));
+            Step::for_all(&wishes.collect::<Vec<_>>(), now.samples())
         };
         disagree = false;
         let clock = Instant::now();
@@ -96,12 +94,7 @@ pub fn optimise(
             Step::Refocus(samples) => {
                 let aims = aims(&open, now, setting);
                 let mut fresh = now.around(aims, spent.rounds, setting.scene, options);
-                for quest in &mut open {
-                    if !now.is_focused() {
-                        quest.search = Search::Due;
-                    }
-                    quest.focus.clone_from(&quest.best.u);
-                }
+                open.iter_mut().for_each(|quest| quest.searched = 0);
                 spent.rounds += 1;
                 own = None;
                 match fresh.add(samples, setting.scene, setting.camera, options, reporter) {
@@ -110,6 +103,10 @@ pub fn optimise(
                 }
                 own = Some(fresh);
             }
+            Step::Aim(samples) => {
+                engine.aim_at(aims(&open, now, setting));
+                engine.add(samples, setting.scene, setting.camera, options, reporter)?;
+            }
             Step::Add(samples) => {
                 spent.additions += 1;
                 let engine = own.as_mut().unwrap_or(engine);
@@ -117,7 +114,7 @@ pub fn optimise(
             }
             Step::Search => {}
         }
-        if matches!(step, Step::Refocus(_) | Step::Add(_)) {
+        if matches!(step, Step::Refocus(_) | Step::Aim(_) | Step::Add(_)) {
             open.iter_mut().try_for_each(|quest| quest.log_time("basis", clock))?;
         }
         let clock = Instant::now();
@@ -138,29 +135,31 @@ fn begin_quests<'t, 'a>(
 ) -> Result<Vec<Quest<'t, 'a>>, RunError> {
     let clock = Instant::now();
     let cancelled = || reporter.cancelled();
-    let everywhere = search::Within::everywhere(setting.variables.len());
     let seed = engine.seed() as u32;
     let found = tasks
         .par_iter()
         .map(|task| {
             let [whole, reduced] = evaluators(engine, setting, task);
-            let mut trials = search::search(&whole, &reduced, &task.starts, &everywhere, seed, &cancelled)?;
+            let (mut trials, mut evaluations) =
+                search::search(&whole, &reduced, &task.starts, seed, &cancelled)?;
             let mut line = None;
             if setting.options.global {
                 let (start, n) = search::global(&reduced, &cancelled)?;
                 let polished = search::refine(&whole, &start, &cancelled)?;
-                line = Some(global_line(&polished, n, &trials));
+                evaluations += polished.evaluations.len() as u32;
+                line = Some(global_line(&polished, n, search::best(&trials)?.1));
                 let screened = polished.estimate.evaluation.f_q;
-                trials.push(Trial { name: "global".into(), start, screened, polished: Some(polished) });
+                let (name, end) = ("global".into(), None);
+                trials.push(Trial { name, start, screened, end, polished: Some(polished) });
             }
-            Ok((trials, line))
+            Ok((trials, evaluations, line))
         })
         .collect::<Result<Vec<_>, RunError>>()?;
     let mut quests = Vec::new();
-    for (index, (task, (trials, line))) in tasks.iter_mut().zip(found).enumerate() {
+    for (index, (task, (trials, evaluations, line))) in tasks.iter_mut().zip(found).enumerate() {
         let look = task.job.target.name();
         line.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
-        let (start, best) = search::best(&trials).ok_or(OptimError::NothingEvaluated)?;
+        let (start, best) = search::best(&trials)?;
         reporter.note(&format!(
             "{look}: searched from {} starts; best from \"{}\": f_q {:.4} ± {:.4}",
             trials.len(),
@@ -169,9 +168,7 @@ fn begin_quests<'t, 'a>(
             best.estimate.error_bar()
         ));
         task.dir.log_starts(trials.iter().map(|t| start_line(t, setting.variables)))?;
-        let (best, evaluations) = (best.clone(), search::evaluations(&trials));
-        let (focus, search) = (Vec::new(), Search::Done);
-        let mut quest = Quest { index, task, best, evaluations, trials, focus, search };
+        let mut quest = Quest { index, task, best: best.clone(), evaluations, trials, searched: 0 };
         quest.log_time("search", clock)?;
         quests.push(quest);
     }
@@ -181,7 +178,8 @@ fn begin_quests<'t, 'a>(
 /// What was found for every look: the more it lacks of the tolerance, the more samples are its.
 fn aims(quests: &[Quest], now: &Engine, setting: &Setting) -> Vec<Aim> {
     let aim = |quest: &Quest| {
-        let share = needed(&quest.best.estimate, setting.options.tolerance).clamp(0.1, 10.0);
+        let precision = Precision::reported(setting.options.tolerance);
+        let share = precision.needed(&quest.best.estimate).clamp(0.1, 10.0);
         now.aim(now.lighting(setting.variables, &quest.best.u), share)
     };
     quests.iter().map(aim).collect()
@@ -205,9 +203,8 @@ fn check_all(
 }
 
 /// What a search over the whole box says of the starts.
-fn global_line(global: &Polished, evaluations: u32, trials: &[Trial]) -> String {
-    let found = global.estimate.evaluation.f_q;
-    let best = search::best(trials).map_or(f64::INFINITY, |(_, p)| p.estimate.evaluation.f_q);
+fn global_line(global: &Polished, evaluations: u32, best: &Polished) -> String {
+    let [found, best] = [global, best].map(|p| p.estimate.evaluation.f_q);
     let verdict = if found < best { "better" } else { "no better" };
     format!(
         "{evaluations} evaluations over the whole box: f_q {found:.4} ± {:.4}, {verdict} than {best:.4} from the starts",

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{
     Reporter, RunError, Setting, Unstoppable,
     engine::{Aim, REPLICATES},
-    precision::{MAX_SAMPLES, is_exact, more},
+    precision::{MAX_SAMPLES, Precision},
 };
 use crate::{
     film::{LightState, Region, RgbFilm},
@@ -105,8 +105,8 @@ fn check_nodes<const N: usize>(
             })
             .collect::<Result<_, _>>()?;
         let now = first * REPLICATES as u32;
-        let inexact = estimates.iter().filter(|e| !is_exact(e, options.tolerance));
-        let wanted = inexact.map(|e| more(now, e, options.tolerance)).max();
+        let precision = Precision::reported(options.tolerance);
+        let wanted = estimates.iter().filter(|e| !precision.is_met(e)).map(|e| precision.more(now, e)).max();
         match wanted {
             Some(wanted) if now < MAX_SAMPLES && !reporter.cancelled() => spp = wanted,
             _ => return Ok(estimates),

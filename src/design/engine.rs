@@ -22,6 +22,8 @@ use crate::{
 pub const REPLICATES: usize = 4;
 /// Those of [`TransportBasis::halves`].
 const HALVES: usize = 2;
+/// Samples of the first basis, which tells where to look, if nobody says how many.
+const FIRST_SAMPLES: u32 = 8;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
@@ -76,8 +78,8 @@ pub struct Engine {
     halves: OnceLock<TransportBasis>,
     /// The halves of a smaller picture.
     reduced: OnceLock<TransportBasis>,
-    /// What it is made around.
-    focus: Option<Vec<Aim>>,
+    /// What its samples are aimed at.
+    aims: Option<Vec<Aim>>,
     seed: u64,
     /// Where it is stored, and how many samples are there.
     stored: Option<(PathBuf, u32)>,
@@ -124,7 +126,7 @@ impl Plan {
         let reduced = if plan.knots < KNOTS { ", fewer to fit the memory allowed" } else { "" };
         reporter.note(&format!(
             "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
-             nodes, {REPLICATES} replicates, {} MiB with the finer one that follows",
+             nodes, {REPLICATES} replicates, {} MiB with a finer one, should it be needed",
             layout.size.x,
             layout.size.y,
             layout.n_cells(),
@@ -217,7 +219,7 @@ impl Engine {
             basis: TransportBasis::new(layout.clone(), REPLICATES),
             halves: OnceLock::new(),
             reduced: OnceLock::new(),
-            focus: None,
+            aims: None,
             seed,
             stored,
         };
@@ -241,7 +243,7 @@ impl Engine {
                 Err(e) => reporter.note(&format!("{e}; rendering it again")),
             }
         }
-        engine.add(options.spp, scene, camera, options, reporter)?;
+        engine.add(options.spp.unwrap_or(FIRST_SAMPLES), scene, camera, options, reporter)?;
         Ok(engine)
     }
 
@@ -283,7 +285,7 @@ impl Engine {
         let mut left = spp.div_ceil(replicates).max(1);
         let renders = left.div_ceil(UNINTERRUPTED) * replicates;
         reporter.stage("rendering the transport basis", Some(u64::from(options.work_size.y * renders)));
-        self.plan.open(scene, self.focus.as_deref());
+        self.plan.open(scene, self.aims.as_deref());
         self.halves.take();
         self.reduced.take();
         let source =
@@ -339,22 +341,24 @@ impl Engine {
             basis: TransportBasis::new(self.plan.layout(scene, options, Some(&aims)), REPLICATES),
             halves: OnceLock::new(),
             reduced: OnceLock::new(),
-            focus: Some(aims),
+            aims: Some(aims),
             seed: hash_words(&[self.seed, u64::from(round) + 1]),
             stored: None,
         }
     }
 
-    /// Whether the basis is kept for later runs.
-    #[must_use]
-    pub fn is_stored(&self) -> bool {
-        self.stored.is_some()
+    /// Aims the samples that follow at what was found for some looks, and lets those so far count
+    /// less. The knots stay, so that a search may still look everywhere.
+    pub fn aim_at(&mut self, aims: Vec<Aim>) {
+        self.basis.fade();
+        self.seed = hash_words(&[self.seed, 0]);
+        self.aims = Some(aims);
     }
 
-    /// Whether the basis is made around any lights.
+    /// Whether samples are to be aimed yet. A basis to be kept serves other looks too.
     #[must_use]
-    pub fn is_focused(&self) -> bool {
-        self.focus.is_some()
+    pub fn may_aim(&self) -> bool {
+        self.aims.is_none() && self.stored.is_none()
     }
 
     fn halves(&self) -> &TransportBasis {

@@ -67,7 +67,8 @@ struct Options<'a> {
     luminance: LuminanceMode,
     size: [u32; 2],
     work_size: [u32; 2],
-    spp: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    spp: Option<u32>,
     final_spp: u32,
     free: &'a FreeVariables,
     seed: u64,

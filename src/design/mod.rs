@@ -93,8 +93,9 @@ pub struct RunOptions {
     pub size: UVec2,
     /// Size at which the lights are optimised, pixels.
     pub work_size: UVec2,
-    /// Samples per pixel of a working render; the first of a basis.
-    pub spp: u32,
+    /// Samples per pixel of the first basis, or of every working render in paper mode; where
+    /// none are given, the latter as many as the tolerance needs.
+    pub spp: Option<u32>,
     /// Samples per pixel of the final picture.
     pub final_spp: u32,
     /// What may vary.
@@ -381,7 +382,8 @@ fn begin<'a>(
         Some(engine) => engine.evaluator(setting, objective).estimate(&variables.start(), LABELLINGS)?,
         None => {
             let x0 = variables.decode(&variables.start());
-            measure(objective, setting, &x0, Purpose::Initial, "measuring the start", reporter)?
+            let spp = options.spp.unwrap_or(optimise::FIRST_SAMPLES);
+            measure(objective, setting, &x0, spp, (Purpose::Initial, "measuring the start"), reporter)?
         }
     };
     let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
@@ -397,10 +399,10 @@ fn find_by_differences<'a>(
     renders: &mut u64,
     reporter: &impl Reporter,
 ) -> Result<quest::Found, RunError> {
-    let optimise::Found { u, evaluations, stop } =
+    let optimise::Found { u, spp, evaluations, stop } =
         optimise::by_differences(task, setting, renders, reporter)?;
-    let (x, stage) = (setting.variables.decode(&u), "checking the result with new samples");
-    let check = measure(&task.objective, setting, &x, Purpose::Check, stage, reporter)?;
+    let (x, what) = (setting.variables.decode(&u), (Purpose::Check, "checking the result with new samples"));
+    let check = measure(&task.objective, setting, &x, spp, what, reporter)?;
     *renders += 2;
     Ok(quest::Found { u, check, evaluations, stop, reach: Vec::new() })
 }
@@ -428,16 +430,15 @@ fn measure(
     objective: &Objective,
     setting: &mut Setting,
     x: &[f64],
-    purpose: Purpose,
-    stage: &str,
+    spp: u32,
+    (purpose, stage): (Purpose, &str),
     reporter: &impl Reporter,
 ) -> Result<JackknifeEstimate, RunError> {
     let Setting { scene, camera, variables, options, .. } = setting;
     reporter.stage(stage, Some(u64::from(options.work_size.y * CHECK_REPLICATES)));
     variables.apply(scene, x);
-    let spp = CHECK_FACTOR * options.spp;
     let seed = seed_for(options.seed, purpose);
-    let shot = camera.shoot(scene, seed, spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
+    let shot = camera.shoot(scene, seed, CHECK_FACTOR * spp, CHECK_REPLICATES, &Unstoppable(reporter))?;
     Ok(shot.measure(objective)?.estimate)
 }
 

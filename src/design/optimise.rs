@@ -5,7 +5,11 @@ use std::{ops::ControlFlow, time::Instant};
 
 use serde_json::json;
 
-use super::{Progress, Purpose, Reporter, RunError, Setting, Shot, Task, attribute, seed_for};
+use super::{
+    Progress, Purpose, Reporter, RunError, Setting, Shot, Task, attribute,
+    precision::{MAX_SAMPLES, Precision},
+    seed_for,
+};
 use crate::{
     audit::picture,
     integrator::RenderError,
@@ -29,6 +33,8 @@ const STAGES: [Stage; 3] = [
     Stage { delta: 5e-3, share: 0.3, first_step: 0.02 },
     Stage { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.005 },
 ];
+/// Samples per pixel of the first renders, if nobody says how many.
+pub const FIRST_SAMPLES: u32 = 12;
 /// Replicates of an evaluation, from which its error is estimated.
 const REPLICATES: u32 = 4;
 /// Function values from which the noise is estimated, and their spacing.
@@ -39,6 +45,8 @@ const NOISE_SPACING: f64 = 1e-3;
 pub struct Found {
     /// Best point, in the unit cube.
     pub u: Vec<f64>,
+    /// Samples per pixel of an evaluation.
+    pub spp: u32,
     /// Evaluations with gradient.
     pub evaluations: u32,
     /// Why the last search ended.
@@ -50,6 +58,9 @@ struct Search<'a, 'b, R> {
     task: &'a mut Task<'b>,
     renders: &'a mut u64,
     reporter: &'a R,
+    /// Samples per pixel of a render.
+    spp: u32,
+    /// Of the differences.
     step: f64,
     evaluations: u32,
     iterations: u32,
@@ -66,14 +77,15 @@ pub fn by_differences<'a>(
 ) -> Result<Found, RunError> {
     let n = setting.variables.len();
     let budget = setting.options.max_evaluations;
-    let mut search =
-        Search { setting, task, renders, reporter, step: 0.0, evaluations: 0, iterations: 0, best: None };
+    let spp = setting.options.spp.unwrap_or(FIRST_SAMPLES);
+    let (step, evaluations, iterations, best) = (0.0, 0, 0, None);
+    let mut search = Search { setting, task, renders, reporter, spp, step, evaluations, iterations, best };
     reporter.stage("optimising", None);
     let start = search.choose()?;
     match search.find_step(&start) {
         Ok(step) => search.step = step,
         Err(RunError::Render(RenderError::Cancelled)) => {
-            return Ok(Found { u: start, evaluations: 0, stop: StopReason::Interrupted });
+            return Ok(Found { u: start, spp, evaluations: 0, stop: StopReason::Interrupted });
         }
         Err(e) => return Err(e),
     }
@@ -84,6 +96,13 @@ pub fn by_differences<'a>(
         let left = budget - search.evaluations;
         if left == 0 {
             break;
+        }
+        match search.find_samples(&u) {
+            Err(RunError::Render(RenderError::Cancelled)) => {
+                stop = StopReason::Interrupted;
+                break;
+            }
+            other => other?,
         }
         let allowed =
             if i + 1 == STAGES.len() { left } else { ((f64::from(budget) * share) as u32).clamp(1, left) };
@@ -125,7 +144,7 @@ pub fn by_differences<'a>(
         stop = outcome.stop;
     }
     let u = search.best.map_or(start, |(_, u)| u);
-    Ok(Found { u, evaluations: search.evaluations, stop })
+    Ok(Found { u, spp: search.spp, evaluations: search.evaluations, stop })
 }
 
 impl<R: Reporter> Search<'_, '_, R> {
@@ -133,7 +152,7 @@ impl<R: Reporter> Search<'_, '_, R> {
         let Setting { scene, camera, variables, options, .. } = &mut *self.setting;
         variables.apply(scene, &variables.decode(u));
         *self.renders += 1;
-        Ok(camera.shoot(scene, seed_for(options.seed, purpose), options.spp, REPLICATES, self.reporter)?)
+        Ok(camera.shoot(scene, seed_for(options.seed, purpose), self.spp, REPLICATES, self.reporter)?)
     }
 
     /// The start with the least f_q; after an interrupt, of those measured.
@@ -163,6 +182,21 @@ impl<R: Reporter> Search<'_, '_, R> {
         self.reporter
             .note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
         Ok(u.clone())
+    }
+
+    /// As many samples as the tolerance needs at a point, unless somebody said how many.
+    fn find_samples(&mut self, u: &[f64]) -> Result<(), RunError> {
+        let options = self.setting.options;
+        let precision = Precision::reported(options.tolerance);
+        while options.spp.is_none() && self.spp < MAX_SAMPLES {
+            let estimate = self.shoot(u, Purpose::Optimise)?.measure(&self.task.objective)?.estimate;
+            if precision.is_met(&estimate) {
+                break;
+            }
+            self.spp = (self.spp + precision.more(self.spp, &estimate)).next_multiple_of(REPLICATES);
+        }
+        self.reporter.note(&format!("{} samples a pixel for every render", self.spp));
+        Ok(())
     }
 
     /// The step of the differences, from the noise of f along the diagonal.
@@ -221,7 +255,7 @@ impl<R: Reporter> Search<'_, '_, R> {
         if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
             variables.apply(scene, &x);
             let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
-            let attribute = attribute(scene, options, target, variables, &x, &measured.plain, options.spp);
+            let attribute = attribute(scene, options, target, variables, &x, &measured.plain, self.spp);
             let exposure = f64::from(scene.exposure);
             let exr = picture::exr(&shot.picture, aovs, &names, exposure, options.luminance, attribute);
             self.task.dir.log_iterations(&[(line, exr)])?;

@@ -5,21 +5,81 @@ use crate::objective::JackknifeEstimate;
 /// Samples per pixel after which no more are added, of all replicates.
 pub const MAX_SAMPLES: u32 = 4096;
 
-/// Whether an estimate is as exact as asked for.
-pub fn is_exact(e: &JackknifeEstimate, tolerance: f64) -> bool {
-    e.half_width <= tolerance && e.correction.abs() <= 2.0 * tolerance
+/// Samples per pixel with which an estimate may be trusted, of all replicates. Of fewer, errors
+/// are too uncertain and corrections of terms cancel.
+pub const LEAST_SAMPLES: u32 = 24;
+
+/// What is asked of an estimate.
+#[derive(Clone, Copy, Debug)]
+pub struct Precision {
+    /// Half width of the 95 % interval, at most.
+    half_width: f64,
+    /// Noise correction, at most.
+    correction: f64,
 }
 
-/// Factor on the samples that would make it so. The variance of scrambled nets falls as the
-/// power −3/2 of their number where the integrand has edges \[He15\], and with it the
-/// correction of f_q.
-pub fn needed(e: &JackknifeEstimate, tolerance: f64) -> f64 {
-    let (error, bias) = (e.half_width / tolerance, e.correction.abs() / (2.0 * tolerance));
-    error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
+impl Precision {
+    /// Of an f_q that is reported.
+    pub fn reported(tolerance: f64) -> Self {
+        Self { half_width: tolerance, correction: 2.0 * tolerance }
+    }
+
+    /// Of one by which lights are chosen: half of that. Near an optimum f_q hardly depends on
+    /// where exactly it is sought, and what is reported comes from other samples.
+    pub fn choosing(tolerance: f64) -> Self {
+        Self::reported(2.0 * tolerance)
+    }
+
+    /// Whether an estimate is precise enough.
+    pub fn is_met(&self, e: &JackknifeEstimate) -> bool {
+        e.half_width <= self.half_width && e.correction.abs() <= self.correction
+    }
+
+    /// Factor on the samples that would make it so. The variance of scrambled nets falls as the
+    /// power −3/2 of their number where the integrand has edges \[He15\], and with it the
+    /// correction of f_q.
+    pub fn needed(&self, e: &JackknifeEstimate) -> f64 {
+        let (error, bias) = (e.half_width / self.half_width, e.correction.abs() / self.correction);
+        error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
+    }
+
+    /// Samples to add to `n`: as many as an estimate needs, but not too many on the word of few.
+    pub fn more(&self, n: u32, e: &JackknifeEstimate) -> u32 {
+        let wanted = f64::from(n) * self.needed(e).clamp(1.2, 2.5);
+        (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
+    }
 }
 
-/// Samples to add to `n`: as many as an estimate needs, but not too many on the word of few.
-pub fn more(n: u32, e: &JackknifeEstimate, tolerance: f64) -> u32 {
-    let wanted = f64::from(n) * needed(e, tolerance).clamp(1.2, 2.5);
-    (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objective::{Objective, Target};
+
+    fn estimate(half_width: f64, correction: f64) -> JackknifeEstimate {
+        let target = Target::resolve("high-key").unwrap();
+        let objective = Objective::new(&target, 2, 1, &[true, false]).unwrap();
+        let evaluation = objective.evaluate(&[0.3, 0.6]);
+        let naive = evaluation.f_q + correction;
+        JackknifeEstimate { evaluation, naive, standard_error: 0.0, half_width, correction, replicates: 4 }
+    }
+
+    #[test]
+    fn what_chooses_may_be_half_as_precise_as_what_is_reported() {
+        for (half_width, correction) in [(0.009, 0.0), (0.0, -0.019)] {
+            let e = estimate(half_width, correction);
+            assert!(!Precision::reported(0.005).is_met(&e) && Precision::choosing(0.005).is_met(&e));
+        }
+        assert!(!Precision::choosing(0.005).is_met(&estimate(0.011, 0.0)));
+    }
+
+    #[test]
+    fn samples_are_added_by_the_need_but_neither_few_nor_too_many() {
+        let precision = Precision::reported(0.005);
+        let more = |half_width, correction| precision.more(40, &estimate(half_width, correction));
+        assert_eq!(more(0.0051, 0.0), 8);
+        assert_eq!(more(0.005, 0.02), (40.0_f64 * 2.0_f64.powf(2.0 / 3.0)).ceil() as u32 - 40);
+        assert_eq!(more(1.0, 0.0), 60);
+        assert_eq!(precision.more(MAX_SAMPLES - 1, &estimate(1.0, 0.0)), 1);
+        assert_eq!(precision.more(MAX_SAMPLES, &estimate(1.0, 0.0)), 0);
+    }
 }

@@ -9,9 +9,9 @@ use super::{
     RunError, Setting, Task,
     attainable::{self, Reach},
     attribute,
-    engine::{Engine, REPLICATES},
+    engine::Engine,
     evaluator::Evaluator,
-    precision::{MAX_SAMPLES, is_exact, more, needed},
+    precision::{LEAST_SAMPLES, MAX_SAMPLES, Precision},
     search::{self, Polished, Trial},
 };
 use crate::{
@@ -24,8 +24,6 @@ use crate::{
 
 /// Times the basis is rendered anew around what was found.
 pub const MAX_REFOCUS: u32 = 4;
-/// First samples of each replicate of a basis around what was found; more are added as needed.
-const FOCUS_SAMPLES: u32 = 4;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
 
@@ -46,7 +44,9 @@ pub struct Found {
 /// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Render a basis around the best point, of so many samples.
+    /// Add so many samples to the first basis, aimed at the best point.
+    Aim(u32),
+    /// Render a finer basis around the best point, of so many samples.
     Refocus(u32),
     /// Add so many samples to the present one.
     Add(u32),
@@ -60,7 +60,7 @@ impl Step {
     /// What serves all looks on a basis of `samples`: what one needs, the others take along.
     pub fn for_all(wishes: &[Self], samples: u32) -> Self {
         let of = |wish: &Self| match *wish {
-            Self::Refocus(n) => n,
+            Self::Refocus(n) | Self::Aim(n) => n,
             Self::Add(n) => samples + n,
             Self::Search | Self::Check => 0,
         };
@@ -68,6 +68,8 @@ impl Step {
         let any = |is: fn(&Self) -> bool| wishes.iter().any(is);
         if any(|w| matches!(w, Self::Refocus(_))) {
             Self::Refocus(most)
+        } else if any(|w| matches!(w, Self::Aim(_))) {
+            Self::Aim(most)
         } else if any(|w| matches!(w, Self::Add(_))) {
             Self::Add(most - samples)
         } else if any(|w| matches!(w, Self::Search)) {
@@ -76,15 +78,6 @@ impl Step {
             Self::Check
         }
     }
-}
-
-/// How far the search around the best point has come: it looks far with the first samples of a
-/// basis and again when there are enough, and after that only goes on downhill.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Search {
-    Due,
-    Began,
-    Done,
 }
 
 /// What the bases have cost so far.
@@ -101,13 +94,12 @@ pub struct Quest<'t, 'a> {
     /// Its place among those that are sought together.
     pub index: usize,
     pub task: &'t mut Task<'a>,
-    /// The search of the first basis.
+    /// Where it was sought, and what was found from there.
     pub trials: Vec<Trial>,
     pub best: Polished,
     pub evaluations: u32,
-    /// What the present basis is made around.
-    pub focus: Vec<f64>,
-    pub search: Search,
+    /// Samples of the present basis with which all of that was last sought.
+    pub searched: u32,
 }
 
 impl Quest<'_, '_> {
@@ -116,44 +108,30 @@ impl Quest<'_, '_> {
         Ok(())
     }
 
+    /// Whether so many samples have come that there may be something new far away; not many more
+    /// show nothing.
+    fn is_due(&self, now: &Engine) -> bool {
+        3 * now.samples() > 4 * self.searched
+    }
+
     /// What this look needs next.
-    pub fn wish(
-        &self,
-        now: &Engine,
-        spent: Spent,
-        setting: &Setting,
-        may_go_on: bool,
-    ) -> Result<Step, RunError> {
-        let least = FOCUS_SAMPLES * REPLICATES as u32;
+    pub fn wish(&self, now: &Engine, spent: Spent, setting: &Setting, may_go_on: bool) -> Step {
         let may_refocus = may_go_on && spent.rounds < MAX_REFOCUS;
         let may_add = may_go_on && spent.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
-        let tolerance = setting.options.tolerance;
-        // Few samples that matter are worth more than many that do not.
-        // A basis to be kept gets them itself: other looks will need them elsewhere.
-        if may_refocus && !now.is_focused() && !now.is_stored() {
-            // A basis of its own has less noise: what this one would need is enough.
-            let enough = f64::from(now.samples()) * needed(&self.best.estimate, tolerance);
-            return Ok(Step::Refocus((enough as u32).clamp(least, 2 * least)));
+        let precision = Precision::choosing(setting.options.tolerance);
+        let missing = LEAST_SAMPLES.saturating_sub(now.samples());
+        let exact = missing == 0 && precision.is_met(&self.best.estimate);
+        if may_go_on && now.may_aim() {
+            Step::Aim(LEAST_SAMPLES)
+        } else if !exact && may_add {
+            Step::Add(precision.more(now.samples(), &self.best.estimate).max(missing))
+        } else if self.is_due(now) {
+            Step::Search
+        } else if exact || !may_refocus {
+            Step::Check
+        } else {
+            Step::Refocus(now.samples())
         }
-        let exact = is_exact(&self.best.estimate, tolerance);
-        if exact || !may_add {
-            let is_searched = self.search != Search::Due || !now.is_focused();
-            return Ok(match (is_searched, exact || !may_refocus) {
-                (false, _) => Step::Search,
-                (true, true) => Step::Check,
-                (true, false) => Step::Refocus(now.samples()),
-            });
-        }
-        if may_refocus && now.is_focused() {
-            // Where the search has gone, a new basis may need fewer samples than this one lacks.
-            let [whole, _] = evaluators(now, setting, self.task);
-            let fresh = needed(&whole.estimate(&self.focus, LABELLINGS)?, tolerance);
-            if fresh < needed(&self.best.estimate, tolerance) - 1.0 {
-                let samples = (f64::from(now.samples()) * fresh).ceil() as u32;
-                return Ok(Step::Refocus(samples.max(least)));
-            }
-        }
-        Ok(Step::Add(more(now.samples(), &self.best.estimate, tolerance)))
     }
 
     /// Goes on after a step.
@@ -164,51 +142,22 @@ impl Quest<'_, '_> {
         setting: &Setting,
         cancelled: &(impl Fn() -> bool + Sync),
     ) -> Result<(), RunError> {
-        let next = match (step, self.search) {
-            (Step::Search, _) => Search::Done,
-            // Not many more samples show nothing new far away.
-            (Step::Add(n), Search::Began) if 3 * n <= now.samples() => Search::Done,
-            (Step::Add(_), Search::Began) => Search::Due,
-            (Step::Refocus(_), Search::Due) => Search::Began,
-            (_, same) => same,
-        };
-        let seed = now.seed() as u32;
-        let evaluators = evaluators(now, setting, self.task);
-        let whole = evaluators[0];
-        let (best, evaluations) = match (step, self.search, next) {
-            (Step::Search | Step::Refocus(_), Search::Due, _) => {
-                self.search_around(evaluators, seed, cancelled)?
+        let whole = now.evaluator(setting, &self.task.objective);
+        match (step, self.is_due(now)) {
+            (Step::Check, _) | (Step::Search, false) => {}
+            (Step::Search, true) => {
+                self.evaluations += search::polish(&whole, &mut self.trials, &search::THOROUGH, cancelled)?;
+                self.searched = now.samples();
+                self.best = search::best(&self.trials)?.1.clone();
             }
-            (Step::Search | Step::Check, ..) => return Ok(()),
-            (.., Search::Done) => {
+            (_, true) => self.best.estimate = whole.estimate(&self.best.u, LABELLINGS)?,
+            (_, false) => {
                 let refined = search::refine(&whole, &self.best.u, cancelled)?;
-                let n = refined.evaluations.len() as u32;
-                (self.best.followed_by(&refined), n)
+                self.evaluations += refined.evaluations.len() as u32;
+                self.best = self.best.followed_by(&refined);
             }
-            _ => {
-                let estimate = whole.estimate(&self.best.u, LABELLINGS)?;
-                (Polished { estimate, ..self.best.clone() }, 0)
-            }
-        };
-        self.best = best;
-        self.evaluations += evaluations;
-        self.search = next;
+        }
         Ok(())
-    }
-
-    /// Searches a new basis around the best point, and from the other ends that were found.
-    fn search_around(
-        &self,
-        [whole, reduced]: [Evaluator; 2],
-        seed: u32,
-        cancelled: &(impl Fn() -> bool + Sync),
-    ) -> Result<(Polished, u32), RunError> {
-        let ends = self.trials.iter().filter_map(|t| Some((t.name.clone(), t.polished.as_ref()?.u.clone())));
-        let starts: Vec<_> = std::iter::once(("best".to_owned(), self.best.u.clone())).chain(ends).collect();
-        let within = search::Within::around(&self.best.u);
-        let again = search::search(&whole, &reduced, &starts, &within, seed, cancelled)?;
-        let found = search::best(&again).map_or_else(|| self.best.clone(), |(_, p)| self.best.followed_by(p));
-        Ok((found, search::evaluations(&again)))
     }
 
     /// Writes the record, and tells what the lights can reach.
@@ -319,5 +268,6 @@ mod tests {
         assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));
         assert_eq!(next(&[Step::Refocus(16), Step::Check]), Step::Refocus(16));
         assert_eq!(next(&[Step::Refocus(16), Step::Add(8)]), Step::Refocus(24), "as many as it would have");
+        assert_eq!(next(&[Step::Aim(24), Step::Check]), Step::Aim(24));
     }
 }

@@ -23,7 +23,7 @@ const MAX_CORES: usize = SizeDensity::MAX_LIKELY + 1;
 /// Share of the least size where nothing is known about the likely one.
 const LEAST_SHARE: f32 = 0.25;
 /// Share of the likely sizes.
-const FOCUS_SHARE: f32 = 0.8;
+const FOCUS_SHARE: f32 = 0.6;
 /// Of what they leave, the part that is uniform in the whole area.
 const WHOLE: f32 = 1.0 / 3.0;
 

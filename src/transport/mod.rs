@@ -181,6 +181,18 @@ impl TransportBasis {
         self.n_samples
     }
 
+    /// Lets the samples so far, if there is more than one of each replicate, count half as much as
+    /// those that follow. Those should come from another seed; since both are unbiased, so is
+    /// their mean.
+    pub fn fade(&mut self) {
+        let n = (self.n_samples / 2).max(1);
+        let scale = n as f32 / self.n_samples.max(1) as f32;
+        for table in self.luminance.iter_mut().chain([&mut self.rgb]) {
+            table.par_chunks_mut(1 << 16).for_each(|part| part.iter_mut().for_each(|v| *v *= scale));
+        }
+        self.n_samples = n;
+    }
+
     /// Adds `count` samples per pixel to every replicate, each continuing its own
     /// sequence.
     ///

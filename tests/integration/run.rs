@@ -238,6 +238,23 @@ fn one_evaluation_is_enough() {
     }
 }
 
+/// In paper mode the tolerance chooses the samples, unless somebody does.
+#[test]
+fn paper_mode_takes_the_samples_that_the_tolerance_needs() {
+    let room = Room::new();
+    let samples = |more: &[&str]| {
+        let mut arguments = vec!["run", "room.obj", "--force", "--gradient", "fd", "--max-evaluations", "1"];
+        arguments.extend(["--work-size", "24x18", "--size", "24x18", "--final-spp", "4"]);
+        arguments.extend(more);
+        let stderr = String::from_utf8(room.succeed(&arguments).stderr).unwrap();
+        let said = stderr.lines().find_map(|l| l.strip_suffix(" samples a pixel for every render"));
+        said.unwrap_or_else(|| panic!("{stderr}")).parse::<u32>().unwrap()
+    };
+    let [loose, strict] = ["0.05", "0.003"].map(|t| samples(&["--tolerance", t]));
+    assert!(strict > loose, "{strict} {loose}");
+    assert_eq!(samples(&["--tolerance", "0.003", "--spp", "8"]), 8);
+}
+
 #[test]
 fn a_bare_name_is_sought_among_the_scenes_and_said_so() {
     let room = Room::new();

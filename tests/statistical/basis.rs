@@ -223,6 +223,44 @@ fn recombination_equals_feathered_renders_at_random_lightings() {
     }
 }
 
+/// Samples of two densities: those of the first count half, those that follow are aimed at some
+/// sizes of some lights.
+#[test]
+fn aimed_samples_after_others_equal_feathered_renders_too() {
+    let mut scene = scene();
+    let layout = layout(&mut scene, BDPT.max_depth);
+    let (n, spp) = (16, 16);
+    let mut basis = TransportBasis::new(layout.clone(), n);
+    fn source(scene: &Scene, seed: u64) -> Source<'_> {
+        Source { scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed }
+    }
+    basis.render(source(&scene, 10), 4, &()).unwrap();
+    basis.fade();
+    assert_eq!(basis.n_samples(), 2);
+    let weights: Vec<f32> = (0..scene.lights.len()).map(|l| 0.2 + l as f32).collect();
+    scene.select_lights(&weights);
+    for light in &mut scene.lights {
+        if light.has_size() {
+            light.size_density = SizeDensity::focused(SIZES, &[(0.3, 1.0), (0.9, 2.0)]);
+        }
+    }
+    basis.render(source(&scene, 11), spp, &()).unwrap();
+    scene.select_all_lights();
+    free_sizes(&mut scene);
+    let mut random = Random::new(&[45]);
+    let lightings: Vec<LightingPoint> =
+        values().iter().map(|&v| random_lighting(&scene, &mut random, v)).collect();
+    let threshold = sidak_z(0.01, lightings.len() * (layout.n_pixels() + 1));
+    for (k, x) in lightings.iter().enumerate() {
+        let direct: Vec<Vec<f64>> = (0..n)
+            .map(|i| feathered(&mut scene, &BDPT, &layout, x, (2000 * (k + 1) + i) as u64, spp / 2))
+            .collect();
+        let (worst, total) = compare(&recombined(&basis, x), &direct);
+        println!("v {:.2}: worst z {worst:.2}, picture z {total:.2}", x.value);
+        assert!(worst < threshold && total.abs() < threshold, "{x:?}");
+    }
+}
+
 /// One render of several lightings, at sizes and background values of their own, against a
 /// render of each.
 #[test]

@@ -77,7 +77,7 @@ impl Runner<'_> {
             luminance: LuminanceMode::default(),
             size: self.settings.size,
             work_size: self.settings.work_size,
-            spp: self.settings.spp,
+            spp: Some(self.settings.spp),
             final_spp: self.settings.final_spp,
             free: FreeVariables(free),
             seed: self.transport.seed,
@@ -112,7 +112,7 @@ impl Runner<'_> {
             LOOKS[look].into(),
             mode(o.gradient).into(),
             format!("{}x{}", o.work_size.x, o.work_size.y).into(),
-            count(f64::from(o.spp)),
+            o.spp.map_or_else(|| "by tolerance".into(), |spp| count(f64::from(spp))),
             count(rayon::current_num_threads() as f64),
             count(f64::from(r.evaluations)),
             count((r.renders - before) as f64),
@@ -170,7 +170,7 @@ impl Runner<'_> {
                 ..self.options(&directory, free)?
             };
             if gradient == Gradient::Fd {
-                options.spp = s.compared_spp;
+                options.spp = Some(s.compared_spp);
             }
             let reports = self.run(BASKET, &options)?;
             let mut before = 0;
