@@ -15,11 +15,7 @@ use super::{
     search::{self, Polished, Trial},
 };
 use crate::{
-    audit::picture,
-    film::exr::ExrImage,
-    objective::{JackknifeEstimate, LABELLINGS},
-    optim::StopReason,
-    params::ParamVector,
+    audit::picture, film::exr::ExrImage, objective::JackknifeEstimate, optim::StopReason, params::ParamVector,
 };
 
 /// Times the basis is rendered anew around what was found.
@@ -50,7 +46,7 @@ pub enum Step {
     Refocus(u32),
     /// Add so many samples to the present one.
     Add(u32),
-    /// Search the present basis once more, now that its samples are enough.
+    /// Search the present basis once more, now that there are more samples.
     Search,
     /// Check the best point.
     Check,
@@ -145,12 +141,11 @@ impl Quest<'_, '_> {
         let whole = now.evaluator(setting, &self.task.objective);
         match (step, self.is_due(now)) {
             (Step::Check, _) | (Step::Search, false) => {}
-            (Step::Search, true) => {
+            (_, true) => {
                 self.evaluations += search::polish(&whole, &mut self.trials, &search::THOROUGH, cancelled)?;
                 self.searched = now.samples();
                 self.best = search::best(&self.trials)?.1.clone();
             }
-            (_, true) => self.best.estimate = whole.estimate(&self.best.u, LABELLINGS)?,
             (_, false) => {
                 let refined = search::refine(&whole, &self.best.u, cancelled)?;
                 self.evaluations += refined.evaluations.len() as u32;
