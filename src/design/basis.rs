@@ -40,6 +40,7 @@ pub fn optimise(
     let options = setting.options;
     let late = || options.time_limit.is_some_and(|t| begin.elapsed() >= t);
     reporter.stage("searching the basis", None);
+    engine.release();
     let mut open = begin_quests(engine, tasks, setting, reporter)?;
     let mut found: Vec<Option<Found>> = open.iter().map(|_| None).collect();
 

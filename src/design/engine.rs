@@ -355,6 +355,11 @@ impl Engine {
         self.aims = Some(aims);
     }
 
+    /// Lets samples be aimed anew: other looks are sought.
+    pub fn release(&mut self) {
+        self.aims = None;
+    }
+
     /// Whether samples are to be aimed yet. A basis to be kept serves other looks too.
     #[must_use]
     pub fn may_aim(&self) -> bool {

@@ -5,7 +5,7 @@
 //! Which of the ends is best the whole picture tells: the best of them settle there in the kinks
 //! of f_q, and the best of these goes on. With more samples the same ends settle anew. All descents
 //! move in [coordinates](super::coordinates) in which a light keeps its flux. What wins is the
-//! least f_q, unsmoothed and freed of noise bias.
+//! f_q, unsmoothed and freed of noise bias, whose error bar ends lowest.
 
 use std::ops::ControlFlow;
 
@@ -28,6 +28,11 @@ const N_COARSE: usize = 16;
 const APART: f64 = 0.1;
 /// Evaluations of each stage of a descent on the reduced picture.
 const EVALUATIONS: u32 = 40;
+/// Change of f_q below which a descent on the whole picture is settled.
+const SETTLED: f64 = 1e-5;
+/// Evaluations of a search over the whole box.
+const GLOBAL_EVALUATIONS: u32 = 20_000;
+
 /// How hard ends are polished.
 pub struct Effort {
     /// Those that settle.
@@ -40,11 +45,6 @@ pub struct Effort {
 const ROUGH: Effort = Effort { ends: 4, evaluations: [10, 15] };
 /// Where they are enough.
 pub const THOROUGH: Effort = Effort { ends: 4, evaluations: [15, 30] };
-/// Change of f_q below which it is settled.
-const SETTLED: f64 = 1e-5;
-
-/// Evaluations of a search over the whole box.
-const GLOBAL_EVALUATIONS: u32 = 20_000;
 
 /// A start and what became of it.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ pub struct Polished {
 
 impl Polished {
     fn new(whole: &Evaluator, descent: Descent) -> Result<Self, OptimError> {
-        let Descent { u, evaluations, stop, .. } = descent;
+        let Descent { u, evaluations, stop } = descent;
         let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
         Ok(Self { u, estimate, evaluations, stop })
     }
