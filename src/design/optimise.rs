@@ -194,6 +194,8 @@ impl<R: Reporter> Search<'_, '_, R> {
                 break;
             }
             self.spp = (self.spp + precision.more(self.spp, &estimate)).next_multiple_of(REPLICATES);
+            // What was measured with fewer samples does not compare.
+            self.best.iter_mut().for_each(|(f_q, _)| *f_q = f64::INFINITY);
         }
         self.reporter.note(&format!("{} samples a pixel for every render", self.spp));
         Ok(())
