@@ -107,7 +107,8 @@ pub struct RunArgs {
     #[arg(long)]
     pub global: bool,
 
-    /// Error of f_q (95 %) at which no more samples are added to the transport basis
+    /// Error of f_q (95 %) at which the check of the lights found takes no more samples; twice as
+    /// much is enough to search the transport basis
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 

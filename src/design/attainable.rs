@@ -6,7 +6,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::evaluator::{Evaluator, Scratch};
+use super::{
+    evaluator::{Evaluator, Scratch},
+    search::spread,
+};
 use crate::{
     objective::{Evaluation, ObjectiveError, Smoothing, Term, TermValue},
     optim,
@@ -50,16 +53,12 @@ pub fn reach(
     found: &[f64],
     seed: u32,
 ) -> Result<Vec<Reach>, ObjectiveError> {
-    let n = whole.variables.len() as u32;
     let measure = |evaluator: &Evaluator, points: Vec<Vec<f64>>| {
         let estimates = evaluator.estimates(&points.iter().map(Vec::as_slice).collect::<Vec<_>>(), 1)?;
         let evaluations = estimates.into_iter().map(|e| e.evaluation);
         Ok::<_, ObjectiveError>(points.into_iter().zip(evaluations).collect::<Vec<_>>())
     };
-    let spread = (0..N_POINTS)
-        .map(|i| (0..n).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed))).collect())
-        .collect();
-    let points = measure(reduced, spread)?;
+    let points = measure(reduced, spread(N_POINTS, whole.variables.len(), seed).collect())?;
     let candidates: Vec<Vec<f64>> = Term::ALL
         .into_par_iter()
         .flat_map(|term| {

@@ -75,12 +75,6 @@ pub struct Polished {
 }
 
 impl Polished {
-    fn new(whole: &Evaluator, descent: Descent) -> Result<Self, OptimError> {
-        let Descent { u, evaluations, stop } = descent;
-        let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
-        Ok(Self { u, estimate, evaluations, stop })
-    }
-
     /// The end of a later descent, with the evaluations of both.
     #[must_use]
     pub fn followed_by(&self, next: &Self) -> Self {
@@ -90,6 +84,12 @@ impl Polished {
 
 /// Smoothing and the largest component of the first trial step of the stages.
 const STAGES: [(f64, f64); 2] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02)];
+
+/// Points of a low-discrepancy set in the unit cube of `n` dimensions.
+pub fn spread(count: u32, n: usize, seed: u32) -> impl Iterator<Item = Vec<f64>> {
+    let at = move |i| move |d| f64::from(sobol_burley::sample(i, d as u32 % 256, seed));
+    (0..count).map(move |i| (0..n).map(at(i)).collect())
+}
 
 /// The first of the points in their order that lie apart, `count` at most.
 fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
@@ -116,11 +116,8 @@ pub fn search(
     seed: u32,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<(Vec<Trial>, u32), OptimError> {
-    let n = whole.variables.len() as u32;
-    let spread = (0..N_POINTS).map(|i| {
-        let point = (0..n).map(|d| f64::from(sobol_burley::sample(i, d % 256, seed)));
-        (format!("spread {i}"), point.collect())
-    });
+    let points = spread(N_POINTS, whole.variables.len(), seed);
+    let spread = points.enumerate().map(|(i, point)| (format!("spread {i}"), point));
     let mut trials: Vec<Trial> = starts
         .iter()
         .cloned()
@@ -166,7 +163,7 @@ pub fn polish(
     let chosen = apart(ends.iter().enumerate().map(|(k, end)| (k, end.1.as_slice())), effort.ends);
     let settled = chosen.into_par_iter().map(|k| {
         let (i, u, _) = &ends[k];
-        Ok((*i, Polished::new(whole, settle(whole, u, few, cancelled)?)?))
+        Ok((*i, settle(whole, u, few, cancelled)?))
     });
     let settled: Vec<(usize, Polished)> = settled.collect::<Result<_, OptimError>>()?;
     let mut count: usize = settled.iter().map(|(_, p)| p.evaluations.len()).sum();
@@ -179,7 +176,7 @@ pub fn polish(
         });
     }
     if let Some(best) = &mut trials[leader(trials)?].polished {
-        let refined = Polished::new(whole, settle(whole, &best.u, more, cancelled)?)?;
+        let refined = settle(whole, &best.u, more, cancelled)?;
         count += refined.evaluations.len();
         *best = best.followed_by(&refined);
     }
@@ -227,13 +224,7 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    Polished::new(whole, settle(whole, u, THOROUGH.evaluations[1], cancelled)?)
-}
-
-struct Descent {
-    u: Vec<f64>,
-    evaluations: Vec<(Vec<f64>, f64, f64)>,
-    stop: StopReason,
+    settle(whole, u, THOROUGH.evaluations[1], cancelled)
 }
 
 /// Descends with less and less smoothing.
@@ -276,21 +267,19 @@ fn descend(
     Ok(at)
 }
 
-/// Goes on from where a descent ended, into the kinks of the terms' moduli and along them.
+/// Goes from `u` into the kinks of the terms' moduli and along them.
 fn settle(
     whole: &Evaluator,
     u: &[f64],
     evaluations: u32,
     cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Descent, OptimError> {
-    let stop = StopReason::Interrupted;
-    let mut out = Descent { u: u.to_vec(), evaluations: Vec::new(), stop };
+) -> Result<Polished, OptimError> {
+    let mut log = Vec::new();
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::default();
-    let coordinates = Coordinates::around(&out.u, whole.variables);
-    let log = &mut out.evaluations;
-    let outcome = optim::minimize_moduli(&out.u, &weights, SETTLED, evaluations, |y, moduli| {
+    let coordinates = Coordinates::around(u, whole.variables);
+    let outcome = optim::minimize_moduli(u, &weights, SETTLED, evaluations, |y, moduli| {
         let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);
@@ -299,11 +288,13 @@ fn settle(
         moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
         ControlFlow::Continue(())
     });
-    match outcome {
-        Ok(outcome) => Ok(Descent { u: coordinates.to_cube(&outcome.x), stop: outcome.stop, ..out }),
-        Err(OptimError::NothingEvaluated) => Ok(out),
-        Err(e) => Err(e),
-    }
+    let (u, stop) = match outcome {
+        Ok(outcome) => (coordinates.to_cube(&outcome.x), outcome.stop),
+        Err(OptimError::NothingEvaluated) => (u.to_vec(), StopReason::Interrupted),
+        Err(e) => return Err(e),
+    };
+    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+    Ok(Polished { u, estimate, evaluations: log, stop })
 }
 
 /// The polished trial of which the upper end of the error bar is the least: where f_q hardly
