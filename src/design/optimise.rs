@@ -184,16 +184,18 @@ impl<R: Reporter> Search<'_, '_, R> {
         Ok(u.clone())
     }
 
-    /// As many samples as the tolerance needs at a point, unless somebody said how many.
+    /// As many samples as the tolerance needs at a point, unless somebody said how many: f_q as the
+    /// renders have it, noise included, is what is minimised.
     fn find_samples(&mut self, u: &[f64]) -> Result<(), RunError> {
         let options = self.setting.options;
-        let precision = Precision::reported(options.tolerance);
+        let precision = Precision::choosing(options.tolerance);
         while options.spp.is_none() && self.spp < MAX_SAMPLES {
             let estimate = self.shoot(u, Purpose::Optimise)?.measure(&self.task.objective)?.estimate;
-            if precision.is_met(&estimate) {
+            if precision.is_met_uncorrected(&estimate) {
                 break;
             }
-            self.spp = (self.spp + precision.more(self.spp, &estimate)).next_multiple_of(REPLICATES);
+            self.spp =
+                (self.spp + precision.more_uncorrected(self.spp, &estimate)).next_multiple_of(REPLICATES);
             // What was measured with fewer samples does not compare.
             self.best.iter_mut().for_each(|(f_q, _)| *f_q = f64::INFINITY);
         }

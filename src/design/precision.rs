@@ -35,6 +35,16 @@ impl Precision {
         e.half_width <= self.half_width && e.correction.abs() <= self.correction
     }
 
+    /// Whether f_q uncorrected is, in which the noise's bias is an error like any other.
+    pub fn is_met_uncorrected(&self, e: &JackknifeEstimate) -> bool {
+        e.error_bar() <= self.half_width
+    }
+
+    /// Samples to add to `n` that it may be.
+    pub fn more_uncorrected(&self, n: u32, e: &JackknifeEstimate) -> u32 {
+        added(n, e.error_bar() / self.half_width)
+    }
+
     /// Factor on the samples that would make it so. The variance of scrambled nets falls as the
     /// power −3/2 of their number where the integrand has edges \[He15\], and with it the
     /// correction of f_q.
@@ -43,11 +53,16 @@ impl Precision {
         error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
     }
 
-    /// Samples to add to `n`: as many as an estimate needs, but not too many on the word of few.
+    /// Samples to add to `n` that it may be.
     pub fn more(&self, n: u32, e: &JackknifeEstimate) -> u32 {
-        let wanted = f64::from(n) * self.needed(e).clamp(1.2, 2.5);
-        (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
+        added(n, self.needed(e))
     }
+}
+
+/// As many as are needed, but not too many on the word of few.
+fn added(n: u32, needed: f64) -> u32 {
+    let wanted = f64::from(n) * needed.clamp(1.2, 2.5);
+    (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
 }
 
 #[cfg(test)]
@@ -60,7 +75,15 @@ mod tests {
         let objective = Objective::new(&target, 2, 1, &[true, false]).unwrap();
         let evaluation = objective.evaluate(&[0.3, 0.6]);
         let naive = evaluation.f_q + correction;
-        JackknifeEstimate { evaluation, naive, standard_error: 0.0, half_width, correction, replicates: 4 }
+        JackknifeEstimate {
+            evaluation,
+            naive,
+            standard_error: 0.0,
+            half_width,
+            correction,
+            residual_errors: [0.0; 5],
+            replicates: 4,
+        }
     }
 
     #[test]
@@ -70,6 +93,15 @@ mod tests {
             assert!(!Precision::reported(0.005).is_met(&e) && Precision::choosing(0.005).is_met(&e));
         }
         assert!(!Precision::choosing(0.005).is_met(&estimate(0.011, 0.0)));
+    }
+
+    #[test]
+    fn what_is_not_corrected_errs_by_the_correction_too() {
+        let precision = Precision::choosing(0.005);
+        assert!(precision.is_met_uncorrected(&estimate(0.004, -0.005)));
+        let e = estimate(0.004, 0.008);
+        assert!(precision.is_met(&e) && !precision.is_met_uncorrected(&e));
+        assert_eq!(precision.more_uncorrected(40, &estimate(0.01, 0.005)), 20);
     }
 
     #[test]

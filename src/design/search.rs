@@ -3,9 +3,10 @@
 //! Starts are the given ones and points of a low-discrepancy set. All are
 //! measured on a reduced picture; the best of them that lie apart descend there, smoothed.
 //! Which of the ends is best the whole picture tells: the best of them settle there in the kinks
-//! of f_q, and the best of these goes on. With more samples the same ends settle anew. All descents
-//! move in [coordinates](super::coordinates) in which a light keeps its flux. What wins is the
-//! f_q, unsmoothed and freed of noise bias, whose error bar ends lowest.
+//! of f_q, and the best of these goes on, as far as the errors of the terms let it. With more
+//! samples the same ends settle anew. All descents move in [coordinates](super::coordinates) in
+//! which a light keeps its flux. What wins is the f_q, unsmoothed and freed of noise bias, whose
+//! interval ends lowest.
 
 use std::ops::ControlFlow;
 
@@ -16,7 +17,7 @@ use super::{
     evaluator::{Evaluator, Scratch},
 };
 use crate::{
-    objective::{JackknifeEstimate, LABELLINGS, Smoothing},
+    objective::{JackknifeEstimate, LABELLINGS, N_SCALARS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
@@ -29,9 +30,12 @@ const APART: f64 = 0.1;
 /// Evaluations of each stage of a descent on the reduced picture.
 const EVALUATIONS: u32 = 40;
 /// Change of f_q below which a descent on the whole picture is settled.
-const SETTLED: f64 = 1e-5;
+const SETTLED: f64 = 1e-4;
 /// Evaluations of a search over the whole box.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
+
+/// Share of a noise correction that counts as an error when ends are compared.
+const BIAS_LEFT: f64 = 0.5;
 
 /// How hard ends are polished.
 pub struct Effort {
@@ -163,7 +167,7 @@ pub fn polish(
     let chosen = apart(ends.iter().enumerate().map(|(k, end)| (k, end.1.as_slice())), effort.ends);
     let settled = chosen.into_par_iter().map(|k| {
         let (i, u, _) = &ends[k];
-        Ok((*i, settle(whole, u, few, cancelled)?))
+        Ok((*i, settle(whole, u, &[0.0; N_SCALARS], few, cancelled)?))
     });
     let settled: Vec<(usize, Polished)> = settled.collect::<Result<_, OptimError>>()?;
     let mut count: usize = settled.iter().map(|(_, p)| p.evaluations.len()).sum();
@@ -176,7 +180,7 @@ pub fn polish(
         });
     }
     if let Some(best) = &mut trials[leader(trials)?].polished {
-        let refined = settle(whole, &best.u, more, cancelled)?;
+        let refined = settle(whole, &best.u, &best.estimate.residual_errors, more, cancelled)?;
         count += refined.evaluations.len();
         *best = best.followed_by(&refined);
     }
@@ -215,7 +219,7 @@ pub fn global(
     Ok((outcome.x, outcome.evaluations))
 }
 
-/// Settles in the kinks of f_q around `u`.
+/// Settles in the kinks of f_q around `u`, as far as the errors of the terms let it.
 ///
 /// # Errors
 /// As [`search`].
@@ -224,7 +228,8 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    settle(whole, u, THOROUGH.evaluations[1], cancelled)
+    let estimate = whole.estimate(u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+    settle(whole, u, &estimate.residual_errors, THOROUGH.evaluations[1], cancelled)
 }
 
 /// Descends with less and less smoothing.
@@ -267,10 +272,14 @@ fn descend(
     Ok(at)
 }
 
-/// Goes from `u` into the kinks of the terms' moduli and along them.
+/// Goes from `u` into the kinks of the terms' moduli and along them. Residuals below their `floors`
+/// count as these: with the terms' errors for floors it leaves a kink that may be elsewhere when
+/// other terms gain by it. On one side of it f_q often rises much faster than on the other, so
+/// that to hit it exactly in samples that err is to pass it half of the time, at a price.
 fn settle(
     whole: &Evaluator,
     u: &[f64],
+    floors: &[f64; N_SCALARS],
     evaluations: u32,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
@@ -279,12 +288,12 @@ fn settle(
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::default();
     let coordinates = Coordinates::around(u, whole.variables);
-    let outcome = optim::minimize_moduli(u, &weights, SETTLED, evaluations, |y, moduli| {
+    let outcome = optim::minimize_moduli(u, &weights, floors, SETTLED, evaluations, |y, moduli| {
         let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);
         }
-        log.push((u.to_vec(), moduli.value(&weights), moduli.slope(&weights)));
+        log.push((u.to_vec(), moduli.value(&weights, floors), moduli.slope(&weights, floors)));
         moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
         ControlFlow::Continue(())
     });
@@ -298,7 +307,8 @@ fn settle(
 }
 
 /// The polished trial of which the upper end of the error bar is the least: where f_q hardly
-/// differs, what is known best is the better choice.
+/// differs, what is known best is the better choice. Of the noise correction a part counts, since
+/// the jackknife leaves a part of the bias; all of it would favour lights that make no noise.
 ///
 /// # Errors
 /// When none is polished.
@@ -308,7 +318,10 @@ pub fn best(trials: &[Trial]) -> Result<(&Trial, &Polished), OptimError> {
 }
 
 fn leader(trials: &[Trial]) -> Result<usize, OptimError> {
-    let most = |p: &Polished| p.estimate.evaluation.f_q + p.estimate.error_bar();
+    let most = |p: &Polished| {
+        let e = &p.estimate;
+        e.evaluation.f_q + e.half_width + BIAS_LEFT * e.correction.abs()
+    };
     let polished = trials.iter().enumerate().filter_map(|(i, t)| Some((i, most(t.polished.as_ref()?))));
     let least = polished.min_by(|a, b| a.1.total_cmp(&b.1));
     least.map(|(i, _)| i).ok_or(OptimError::NothingEvaluated)

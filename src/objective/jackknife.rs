@@ -8,7 +8,7 @@
 //! \[Efron82\] ch. 2 (bias, eq. 2.8) and ch. 3 (standard error, eq. 3.1).
 
 use super::special::student_t_95;
-use super::{Evaluation, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
+use super::{Evaluation, N_SCALARS, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
 
 /// f_q estimated from R replicates.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +24,9 @@ pub struct JackknifeEstimate {
     pub half_width: f64,
     /// Noise correction `c = f_naive − f_J`.
     pub correction: f64,
+    /// Standard errors of the normalised residuals of the scalar terms, see
+    /// [`super::TermValue::residual`].
+    pub residual_errors: [f64; N_SCALARS],
     /// R.
     pub replicates: usize,
 }
@@ -90,19 +93,26 @@ impl Objective {
         let naive = self.terms(full, smoothing).f_q;
         let replicates = labellings[0].len();
         let r = replicates as f64;
-        let variance = |leave_one_out: &Vec<Statistics>| {
-            let f: Vec<f64> = leave_one_out.iter().map(|z| self.terms(z, smoothing).f_q).collect();
-            let mean = f.iter().sum::<f64>() / r;
-            let spread = f.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>();
-            (r - 1.0) / r * spread // [Efron82] eq. 3.1
+        let one_out: Vec<Vec<Evaluation>> =
+            labellings.iter().map(|of| of.iter().map(|z| self.terms(z, smoothing)).collect()).collect();
+        let standard_error = |of: &dyn Fn(&Evaluation) -> f64| {
+            let variance = |f: &Vec<f64>| {
+                let mean = f.iter().sum::<f64>() / r;
+                let spread = f.iter().map(|f| (f - mean) * (f - mean)).sum::<f64>();
+                (r - 1.0) / r * spread // [Efron82] eq. 3.1
+            };
+            let values = one_out.iter().map(|labelling| labelling.iter().map(of).collect());
+            (values.map(|f| variance(&f)).sum::<f64>() / one_out.len() as f64).sqrt()
         };
-        let n = labellings.len();
-        let standard_error = (labellings.iter().map(variance).sum::<f64>() / n as f64).sqrt();
+        let errors = |i: usize| standard_error(&|e| e.terms[i].residual());
+        let residual_errors = std::array::from_fn(errors);
+        let standard_error = standard_error(&|e| e.f_q);
         Ok(JackknifeEstimate {
             correction: naive - evaluation.f_q,
             evaluation,
             naive,
             standard_error,
+            residual_errors,
             half_width: student_t_95(replicates - 1) * standard_error,
             replicates,
         })

@@ -78,6 +78,9 @@ impl Term {
     }
 }
 
+/// Terms that are a modulus of a number less its target, eqs. (2) to (7): all but the histogram.
+pub const N_SCALARS: usize = 5;
+
 /// One term of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TermValue {
@@ -98,6 +101,17 @@ impl TermValue {
     #[must_use]
     pub fn contribution(&self) -> f64 {
         self.weight * self.f
+    }
+
+    /// The most by which a scalar can miss its target, eqs. (2) to (7).
+    fn norm(&self) -> f64 {
+        self.target.max(1.0 - self.target)
+    }
+
+    /// What is measured less its target, relative to the most that can be missed: signed.
+    #[must_use]
+    pub fn residual(&self) -> f64 {
+        (self.value - self.target) / self.norm()
     }
 }
 
@@ -196,7 +210,7 @@ pub struct Residual {
 #[derive(Clone, Debug)]
 pub struct Residuals {
     /// Of the terms of eqs. (2) to (7).
-    pub scalars: [Residual; 5],
+    pub scalars: [Residual; N_SCALARS],
     /// The share of the histogram, eq. (8), which has no modulus.
     pub hist: Residual,
 }
@@ -206,7 +220,7 @@ pub struct Residuals {
 pub struct Objective {
     regions: Regions,
     /// Targets of the five scalar terms, in the order of [`Term::ALL`].
-    targets: [f64; 5],
+    targets: [f64; N_SCALARS],
     weights: [f64; 6],
     signature: Cumulated,
 }
@@ -236,7 +250,7 @@ impl Objective {
 
     /// Weights of the five scalar terms.
     #[must_use]
-    pub fn scalar_weights(&self) -> [f64; 5] {
+    pub fn scalar_weights(&self) -> [f64; N_SCALARS] {
         std::array::from_fn(|i| self.weights[i])
     }
 
@@ -312,7 +326,7 @@ impl Objective {
             weight: self.weights[term as usize],
             f: f_hist,
         });
-        let mut slopes = [0.0; 5];
+        let mut slopes = [0.0; N_SCALARS];
         for (i, (&value, &t)) in values.iter().zip(&self.targets).enumerate() {
             let norm = t.max(1.0 - t);
             let (f, slope) = smoothing.absolute((value - t) / norm); // eqs. (2)-(5), (7)
@@ -345,16 +359,15 @@ impl Objective {
     pub fn residuals(&self, z: &Statistics, smoothing: &Smoothing) -> Residuals {
         let (evaluation, dz) = self.terms_with_gradient(z, smoothing);
         let scalars = std::array::from_fn(|i| {
-            let TermValue { value, target, weight, .. } = evaluation.terms[i];
-            let norm = target.max(1.0 - target);
+            let term = &evaluation.terms[i];
             let slope = match i {
                 0 | 1 => 1.0,
                 2 => smoothing.root(z.var_obj).1,
                 3 => smoothing.root(z.var_back).1,
                 _ => smoothing.root(z.grad2).1,
             };
-            let slope = slope / norm;
-            Residual { weight, value: (value - target) / norm, by_statistics: Statistics::only(i, slope) }
+            let by_statistics = Statistics::only(i, slope / term.norm());
+            Residual { weight: term.weight, value: term.residual(), by_statistics }
         });
         let hist = evaluation.get(Term::Hist);
         let by_statistics = Statistics { cumulated: dz.cumulated, ..Statistics::ZERO };

@@ -8,7 +8,8 @@
 //! min g(x) + Σ w_i t_i   with  −t_i ≤ r_i(x) ≤ t_i,
 //! ```
 //!
-//! and NLopt's `LD_SLSQP` solves it.
+//! and NLopt's `LD_SLSQP` solves it. Where residuals are known but to an error, moduli below it
+//! tell nothing: t_i ≥ e_i makes every modulus `max(|r_i|, e_i)`.
 //!
 //! # References
 //! \[Kraft88\].
@@ -59,19 +60,21 @@ impl Moduli {
         std::iter::once(self.rest_gradient.as_mut_slice()).chain(self.jacobian.chunks_exact_mut(n))
     }
 
-    /// f.
+    /// f, with moduli that are no less than `floors`.
     #[must_use]
-    pub fn value(&self, weights: &[f64]) -> f64 {
-        self.rest + weights.iter().zip(&self.residuals).map(|(w, r)| w * r.abs()).sum::<f64>()
+    pub fn value(&self, weights: &[f64], floors: &[f64]) -> f64 {
+        let moduli = weights.iter().zip(&self.residuals).zip(floors);
+        self.rest + moduli.map(|((w, r), floor)| w * r.abs().max(*floor)).sum::<f64>()
     }
 
-    /// Length of a gradient of f, in which |r| has the slope of r's sign.
+    /// Length of a gradient of f, in which |r| has the slope of r's sign, and none below its floor.
     #[must_use]
-    pub fn slope(&self, weights: &[f64]) -> f64 {
+    pub fn slope(&self, weights: &[f64], floors: &[f64]) -> f64 {
         let n = self.rest_gradient.len();
         let by = |j: usize| {
-            let of_moduli = weights.iter().zip(&self.residuals).enumerate();
-            let sum = of_moduli.map(|(i, (w, r))| w * r.signum() * self.jacobian[i * n + j]).sum::<f64>();
+            let of_moduli = weights.iter().zip(&self.residuals).zip(floors).enumerate();
+            let rising = of_moduli.filter(|(_, ((_, r), floor))| r.abs() >= **floor);
+            let sum = rising.map(|(i, ((w, r), _))| w * r.signum() * self.jacobian[i * n + j]).sum::<f64>();
             self.rest_gradient[j] + sum
         };
         (0..n).map(|j| by(j).powi(2)).sum::<f64>().sqrt()
@@ -83,8 +86,8 @@ impl Moduli {
     }
 }
 
-/// Minimises `g(x) + Σ weights[i] |r_i(x)|` over the unit cube from `x0`; `f(x, out)` fills in
-/// all values and derivatives. It stops when a step changes f by less than `f_tolerance`, and
+/// Minimises `g(x) + Σ weights[i] max(|r_i(x)|, floors[i])` over the unit cube from `x0`;
+/// `f(x, out)` fills in all values and derivatives. It stops when a step changes f by less than `f_tolerance`, and
 /// after `max_evaluations`.
 ///
 /// # Errors
@@ -95,6 +98,7 @@ impl Moduli {
 pub fn minimize_moduli<F>(
     x0: &[f64],
     weights: &[f64],
+    floors: &[f64],
     f_tolerance: f64,
     max_evaluations: u32,
     f: F,
@@ -109,6 +113,7 @@ where
     let search = RefCell::new(Search {
         f,
         weights,
+        floors,
         max_evaluations,
         at: Vec::new(),
         values: Moduli::new(n, m),
@@ -116,7 +121,7 @@ where
     });
     search.borrow_mut().move_to(x0);
     let mut y: Vec<f64> = x0.to_vec();
-    y.extend(search.borrow().values.residuals.iter().map(|r| r.abs()));
+    y.extend(search.borrow().values.residuals.iter().zip(floors).map(|(r, floor)| r.abs().max(*floor)));
     let result = {
         let objective =
             |y: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().objective(y, gradient);
@@ -124,7 +129,8 @@ where
             search.borrow_mut().bounds(out, y, jacobian);
         };
         let mut opt = Nlopt::new(Algorithm::Slsqp, n + m, objective, Target::Minimize, ());
-        accepted(opt.set_lower_bounds(&vec![0.0; n + m]), "set the lower bounds")?;
+        let lower: Vec<f64> = vec![0.0; n].into_iter().chain(floors.iter().copied()).collect();
+        accepted(opt.set_lower_bounds(&lower), "set the lower bounds")?;
         let upper: Vec<f64> = (0..n + m).map(|i| if i < n { 1.0 } else { f64::INFINITY }).collect();
         accepted(opt.set_upper_bounds(&upper), "set the upper bounds")?;
         accepted(opt.add_inequality_mconstraint(2 * m, bounds, (), &vec![1e-8; 2 * m]), "bound the moduli")?;
@@ -139,6 +145,7 @@ where
 struct Search<'a, F> {
     f: F,
     weights: &'a [f64],
+    floors: &'a [f64],
     max_evaluations: u32,
     /// Where `values` were taken.
     at: Vec<f64>,
@@ -174,7 +181,7 @@ where
         }
         self.tally.evaluations += 1;
         self.at = x.to_vec();
-        let value = self.values.value(self.weights);
+        let value = self.values.value(self.weights, self.floors);
         if !self.values.is_finite() {
             let evaluation = self.tally.evaluations;
             self.tally.end =
@@ -245,7 +252,7 @@ mod tests {
     #[test]
     fn the_minimum_along_a_kink_is_found() {
         for start in [[0.1, 0.9], [0.0, 0.0], [0.7, 0.2]] {
-            let out = minimize_moduli(&start, &[1.0], 1e-12, 200, curved_kink).unwrap();
+            let out = minimize_moduli(&start, &[1.0], &[0.0], 1e-12, 200, curved_kink).unwrap();
             assert!(out.f < 1e-6, "{start:?}: {out:?}");
             assert!((out.x[0] - 1.0).abs() < 1e-2 && (out.x[1] - 1.0).abs() < 2e-2, "{out:?}");
         }
@@ -255,7 +262,7 @@ mod tests {
     fn more_moduli_than_variables_meet_in_a_corner() {
         // Weighted median: |x − 0.2| + |x − 0.5| + 3 |x − 0.6| is least at 0.6.
         let at = [0.2, 0.5, 0.6];
-        let out = minimize_moduli(&[0.05], &[1.0, 1.0, 3.0], 1e-12, 50, |x, out| {
+        let out = minimize_moduli(&[0.05], &[1.0, 1.0, 3.0], &[0.0; 3], 1e-12, 50, |x, out| {
             out.rest = 0.0;
             out.rest_gradient[0] = 0.0;
             for (i, at) in at.into_iter().enumerate() {
@@ -268,23 +275,42 @@ mod tests {
         assert!((out.x[0] - 0.6).abs() < 1e-6 && (out.f - 0.5).abs() < 1e-6, "{out:?}");
     }
 
+    /// `|x − 0.5| + 0.1 x` is least in the kink; nothing is lost down to 0.45 if that may lie 0.05
+    /// away.
+    #[test]
+    fn moduli_below_their_floor_are_left_for_what_gains_by_it() {
+        let f = |x: &[f64], out: &mut Moduli| {
+            (out.rest, out.rest_gradient[0]) = (0.1 * x[0], 0.1);
+            (out.residuals[0], out.gradient_of(0)[0]) = (x[0] - 0.5, 1.0);
+            ControlFlow::Continue(())
+        };
+        for (floor, x, value) in [(0.0, 0.5, 0.05), (0.05, 0.45, 0.095)] {
+            let out = minimize_moduli(&[0.9], &[1.0], &[floor], 1e-12, 50, f).unwrap();
+            assert!((out.x[0] - x).abs() < 1e-6 && (out.f - value).abs() < 1e-6, "{floor}: {out:?}");
+        }
+        let mut at = Moduli::new(1, 1);
+        let _ = f(&[0.47], &mut at);
+        let slopes = [0.0, 0.05].map(|floor| at.slope(&[1.0], &[floor]));
+        assert!((slopes[0] - 0.9).abs() < 1e-12 && (slopes[1] - 0.1).abs() < 1e-12, "{slopes:?}");
+    }
+
     #[test]
     fn limits_interrupts_and_nonsense_end_it() {
-        let out = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 3, curved_kink).unwrap();
+        let out = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 3, curved_kink).unwrap();
         assert!(out.evaluations == 3 && out.stop == StopReason::Evaluations, "{out:?}");
         let mut left = 2;
-        let out = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 99, |x, out| {
+        let out = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 99, |x, out| {
             left -= 1;
             if left < 0 { ControlFlow::Break(Interrupt) } else { curved_kink(x, out) }
         })
         .unwrap();
         assert_eq!(out.stop, StopReason::Interrupted);
-        let never = minimize_moduli(&[0.1], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
+        let never = minimize_moduli(&[0.1], &[], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
         assert_eq!(never.unwrap_err(), OptimError::NothingEvaluated);
-        let nonsense = minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
+        let nonsense = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
         assert!(matches!(nonsense, Err(OptimError::NotFinite { evaluation: 1, .. })));
         let caught = catch_unwind(AssertUnwindSafe(|| {
-            minimize_moduli(&[0.1, 0.9], &[1.0], 0.0, 9, |_, _| panic!("of the caller"))
+            minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 9, |_, _| panic!("of the caller"))
         }));
         assert!(caught.is_err());
     }
