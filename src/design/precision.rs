@@ -7,7 +7,7 @@ pub const MAX_SAMPLES: u32 = 4096;
 
 /// Samples per pixel with which an estimate may be trusted, of all replicates. Of fewer, errors
 /// are too uncertain and corrections of terms cancel.
-pub const LEAST_SAMPLES: u32 = 24;
+pub const LEAST_SAMPLES: u32 = 20;
 
 /// What is asked of an estimate.
 #[derive(Clone, Copy, Debug)]

@@ -9,6 +9,8 @@ pub struct SizeDensity {
     /// Where the rest begins.
     least: f32,
     extent: f32,
+    /// The rest's density times ρ.
+    rest: f32,
 }
 
 /// q(ρ) = 2ρ/size² up to a size.
@@ -72,7 +74,9 @@ impl SizeDensity {
             *core = Core { size: size.min(extent), share: share * weight / total };
         }
         cores[count].share = (1.0 - share) * WHOLE;
-        Self { cores, least, extent }
+        let left = 1.0 - cores.iter().map(|core| core.share).sum::<f32>();
+        let rest = if least < extent { left / (extent / least).ln() } else { 0.0 };
+        Self { cores, least, extent, rest }
     }
 
     fn cores(&self) -> impl Iterator<Item = Core> {
@@ -111,15 +115,13 @@ impl SizeDensity {
     #[must_use]
     pub fn pdf_over_rho(&self, rho: f32) -> f32 {
         let mut sum = 0.0;
-        let mut rest = 1.0;
         for core in self.cores() {
-            rest -= core.share;
             if rho <= core.size {
                 sum += 2.0 * core.share / (core.size * core.size);
             }
         }
-        if self.least < self.extent && (self.least..=self.extent).contains(&rho) {
-            sum += rest / (rho * rho * (self.extent / self.least).ln());
+        if self.rest > 0.0 && (self.least..=self.extent).contains(&rho) {
+            sum += self.rest / (rho * rho);
         }
         sum
     }

@@ -181,9 +181,9 @@ impl TransportBasis {
         self.n_samples
     }
 
-    /// Lets the samples so far, if there is more than one of each replicate, count half as much as
-    /// those that follow. Those should come from another seed; since both are unbiased, so is
-    /// their mean.
+    /// Lets the samples so far, if there is more than one of each replicate, count at most half as
+    /// much as those that follow. Those should come from another seed; since both are unbiased, so
+    /// is their mean.
     pub fn fade(&mut self) {
         let n = (self.n_samples / 2).max(1);
         let scale = n as f32 / self.n_samples.max(1) as f32;
