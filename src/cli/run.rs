@@ -85,7 +85,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
+    /// Samples per pixel of the first transport basis, which tells where to look [default: 12]; of
     /// every working picture with --gradient fd [default: what --tolerance needs]
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,
@@ -108,7 +108,8 @@ pub struct RunArgs {
     pub global: bool,
 
     /// Error of f_q (95 %) at which the check of the lights found takes no more samples; twice as
-    /// much is enough to search the transport basis
+    /// much is enough to search the transport basis, and with --gradient fd for what is minimised,
+    /// the noise's bias included
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 

@@ -140,12 +140,18 @@ mod tests {
         let mut rng = Rng::new(8);
         let (mut one, mut several, mut estimates) =
             (Moments::default(), Moments::default(), Moments::default());
+        let mut residuals = [Moments::default(); 5];
+        let mut residual_variances = [Moments::default(); 5];
         for _ in 0..200 {
             let linear = noisy(&mut rng, 4, 0.15);
             one.push(measure(&linear, 1).standard_error.powi(2));
             let e = measure(&linear, LABELLINGS);
             several.push(e.standard_error.powi(2));
             estimates.push(e.evaluation.f_q);
+            for (i, error) in e.residual_errors.into_iter().enumerate() {
+                residuals[i].push(e.evaluation.terms[i].residual());
+                residual_variances[i].push(error * error);
+            }
         }
         let spread = |m: &Moments| m.variance_of_mean().sqrt() / m.mean();
         assert!((one.mean() / several.mean() - 1.0).abs() < 4.0 * spread(&one), "{one:?} {several:?}");
@@ -153,6 +159,10 @@ mod tests {
         // The variance of 200 estimates is known to a tenth.
         let variance = estimates.variance_of_mean() * 200.0;
         assert!((several.mean() / variance - 1.0).abs() < 0.4, "{} {variance}", several.mean());
+        for (of, told) in residuals.iter().zip(&residual_variances) {
+            let variance = of.variance_of_mean() * 200.0;
+            assert!((told.mean() / variance - 1.0).abs() < 0.4, "{} {variance}", told.mean());
+        }
     }
 
     #[test]
