@@ -6,7 +6,7 @@
 //! of f_q, and the best of these goes on, as far as the errors of the terms let it. With more
 //! samples the same ends settle anew. All descents move in [coordinates](super::coordinates) in
 //! which a light keeps its flux. What wins is the f_q, unsmoothed and freed of noise bias, whose
-//! interval ends lowest.
+//! error bar ends lowest.
 
 use std::ops::ControlFlow;
 
@@ -33,7 +33,6 @@ const EVALUATIONS: u32 = 40;
 const SETTLED: f64 = 1e-4;
 /// Evaluations of a search over the whole box.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
-
 /// Share of a noise correction that counts as an error when ends are compared.
 const BIAS_LEFT: f64 = 0.5;
 
@@ -187,6 +186,11 @@ pub fn polish(
     Ok(count as u32)
 }
 
+/// f_q with its error.
+fn estimate(whole: &Evaluator, u: &[f64]) -> Result<JackknifeEstimate, OptimError> {
+    whole.estimate(u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)
+}
+
 /// Smoothed f_q.
 fn value(evaluator: &Evaluator, u: &[f64], delta: f64, scratch: &mut Scratch) -> f64 {
     evaluator.evaluate(u, &Smoothing::with_delta(delta), None, scratch).unwrap_or(f64::INFINITY)
@@ -228,7 +232,7 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    let estimate = whole.estimate(u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+    let estimate = estimate(whole, u)?;
     settle(whole, u, &estimate.residual_errors, THOROUGH.evaluations[1], cancelled)
 }
 
@@ -302,7 +306,7 @@ fn settle(
         Err(OptimError::NothingEvaluated) => (u.to_vec(), StopReason::Interrupted),
         Err(e) => return Err(e),
     };
-    let estimate = whole.estimate(&u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)?;
+    let estimate = estimate(whole, &u)?;
     Ok(Polished { u, estimate, evaluations: log, stop })
 }
 

@@ -328,10 +328,10 @@ impl Objective {
         });
         let mut slopes = [0.0; N_SCALARS];
         for (i, (&value, &t)) in values.iter().zip(&self.targets).enumerate() {
-            let norm = t.max(1.0 - t);
-            let (f, slope) = smoothing.absolute((value - t) / norm); // eqs. (2)-(5), (7)
-            terms[i] = TermValue { value, target: t, f, ..terms[i] };
-            slopes[i] = self.weights[i] * slope / norm * d_values[i];
+            let term = TermValue { value, target: t, ..terms[i] };
+            let (f, slope) = smoothing.absolute(term.residual()); // eqs. (2)-(5), (7)
+            terms[i] = TermValue { f, ..term };
+            slopes[i] = self.weights[i] * slope / term.norm() * d_values[i];
         }
         let f_q = terms.iter().map(TermValue::contribution).sum(); // eq. (1)
 

@@ -93,7 +93,7 @@ mod tests {
     use super::super::testing::{Rng, disk_mask};
     use super::*;
     use crate::math::stats::Moments;
-    use crate::objective::Target;
+    use crate::objective::{N_SCALARS, Target};
 
     const W: usize = 32;
     const H: usize = 24;
@@ -140,8 +140,8 @@ mod tests {
         let mut rng = Rng::new(8);
         let (mut one, mut several, mut estimates) =
             (Moments::default(), Moments::default(), Moments::default());
-        let mut residuals = [Moments::default(); 5];
-        let mut residual_variances = [Moments::default(); 5];
+        let mut residuals = [Moments::default(); N_SCALARS];
+        let mut residual_variances = [Moments::default(); N_SCALARS];
         for _ in 0..200 {
             let linear = noisy(&mut rng, 4, 0.15);
             one.push(measure(&linear, 1).standard_error.powi(2));

@@ -87,8 +87,8 @@ impl Moduli {
 }
 
 /// Minimises `g(x) + Σ weights[i] max(|r_i(x)|, floors[i])` over the unit cube from `x0`;
-/// `f(x, out)` fills in all values and derivatives. It stops when a step changes f by less than `f_tolerance`, and
-/// after `max_evaluations`.
+/// `f(x, out)` fills in all values and derivatives. It stops when a step changes the sum by less
+/// than `f_tolerance`, and after `max_evaluations`.
 ///
 /// # Errors
 /// As [`super::minimize`].
@@ -129,7 +129,7 @@ where
             search.borrow_mut().bounds(out, y, jacobian);
         };
         let mut opt = Nlopt::new(Algorithm::Slsqp, n + m, objective, Target::Minimize, ());
-        let lower: Vec<f64> = vec![0.0; n].into_iter().chain(floors.iter().copied()).collect();
+        let lower = [&vec![0.0; n], floors].concat();
         accepted(opt.set_lower_bounds(&lower), "set the lower bounds")?;
         let upper: Vec<f64> = (0..n + m).map(|i| if i < n { 1.0 } else { f64::INFINITY }).collect();
         accepted(opt.set_upper_bounds(&upper), "set the upper bounds")?;
