@@ -68,6 +68,8 @@
 //!   Graphics*, SIGGRAPH 1995.
 //! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
 //!   88-28, 1988.
+//! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,
+//!   Technometrics 3(4), 1961.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.
@@ -87,6 +89,8 @@
 //!   Learn. 11(5-6), 2019.
 //! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
 //!   CGF 13(3), 1994.
+//! - \[Schucany71\] W. Schucany, H. Gray, D. Owen, *On Bias Reduction in Estimation*, JASA
+//!   66(335), 1971.
 //! - \[Shirley97\] P. Shirley, K. Chiu, *A Low Distortion Map Between Disk and Square*, JGT
 //!   2(3), 1997.
 //! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number

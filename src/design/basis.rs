@@ -148,10 +148,13 @@ fn begin_quests<'t, 'a>(
                 let (start, n) = search::global(&reduced, &cancelled)?;
                 let polished = search::refine(&whole, &start, &cancelled)?;
                 evaluations += polished.evaluations.len() as u32;
-                line = Some(global_line(&polished, n, search::best(&trials)?.1));
+                let best = search::best(&trials)?.1;
+                line = Some(global_line(&polished, n, best));
                 let screened = polished.estimate.evaluation.f_q;
+                let leads = screened < best.estimate.evaluation.f_q;
+                trials.iter_mut().for_each(|trial| trial.leads &= !leads);
                 let (name, end) = ("global".into(), None);
-                trials.push(Trial { name, start, screened, end, polished: Some(polished) });
+                trials.push(Trial { name, start, screened, end, polished: Some(polished), leads });
             }
             Ok((trials, evaluations, line))
         })

@@ -314,7 +314,7 @@ impl Engine {
     /// Samples per pixel of all replicates.
     #[must_use]
     pub fn samples(&self) -> u32 {
-        self.basis.n_samples() * self.basis.n_replicates() as u32
+        self.basis.effective_samples()
     }
 
     /// The picture with every light at radiance 1, its present size, and the

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use crate::{
     math::display::LuminanceMode,
     objective::{
-        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing,
-        Statistics,
+        JackknifeEstimate, Jackknifed, N_SCALARS, Objective, ObjectiveError, Replicates, Residuals,
+        Smoothing, Statistics,
     },
     optim::Moduli,
     params::{ParamVector, VariableKind},
@@ -230,6 +230,11 @@ impl Evaluator<'_> {
         points: &[&[f64]],
         labellings: usize,
     ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
+        self.linear(points).iter().map(|of| self.replicates(of).measure(self.objective, labellings)).collect()
+    }
+
+    /// Linear luminance of all replicates at each of some points.
+    fn linear(&self, points: &[&[f64]]) -> Vec<Vec<Vec<f64>>> {
         let lighting = |u: &&[f64]| self.lighting(&self.variables.decode(u));
         let lightings: Vec<Recombination> =
             points.iter().map(|u| Recombination::new(self.basis.layout(), &lighting(u))).collect();
@@ -240,10 +245,31 @@ impl Evaluator<'_> {
             let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();
             self.basis.luminances(i, &lightings, &mut out);
         }
-        let Self { luminance, exposure, objective, .. } = *self;
-        let measure = |linear: &Vec<Vec<f64>>| {
-            Replicates { linear, luminance, exposure }.measure(objective, labellings)
-        };
-        images.iter().map(measure).collect()
+        images
+    }
+
+    fn replicates<'l>(&self, linear: &'l [Vec<f64>]) -> Replicates<'l> {
+        Replicates { linear, luminance: self.luminance, exposure: self.exposure }
+    }
+
+    /// By how much [`Self::residuals`] at `u` are less than all replicates tell to the second order
+    /// of the jackknife: what the halves leave of the noise's bias, and a little of its chance.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    pub fn defects(
+        &self,
+        u: &[f64],
+        smoothing: &Smoothing,
+        scratch: &mut Scratch,
+    ) -> Result<[f64; N_SCALARS], ObjectiveError> {
+        if self.basis.n_replicates() < 3 {
+            return Ok([0.0; N_SCALARS]);
+        }
+        let told = self.measure(u, smoothing, false, scratch)?.corrected;
+        let linear = self.linear(&[u]).remove(0);
+        let known = self.replicates(&linear).second_order(self.objective, smoothing.ramp);
+        let [known, told] = [known, told].map(|z| self.objective.residuals(&z, smoothing).scalars);
+        Ok(std::array::from_fn(|i| known[i].value - told[i].value))
     }
 }

@@ -3,10 +3,10 @@
 //! Starts are the given ones and points of a low-discrepancy set. All are
 //! measured on a reduced picture; the best of them that lie apart descend there, smoothed.
 //! Which of the ends is best the whole picture tells: the best of them settle there in the kinks
-//! of f_q, and the best of these goes on, as far as the errors of the terms let it. With more
-//! samples the same ends settle anew. All descents move in [coordinates](super::coordinates) in
+//! of f_q, and the best of these goes on, by what is expected of the terms with their errors. With
+//! more samples the same ends settle anew. All descents move in [coordinates](super::coordinates) in
 //! which a light keeps its flux. What wins is the f_q, unsmoothed and freed of noise bias, whose
-//! error bar ends lowest.
+//! error bar ends lowest; among few samples, which others will follow, half of the bar counts.
 
 use std::ops::ControlFlow;
 
@@ -19,6 +19,7 @@ use super::{
 use crate::{
     objective::{JackknifeEstimate, LABELLINGS, N_SCALARS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
+    params::VariableKind,
 };
 
 /// Points of the low-discrepancy set.
@@ -29,8 +30,13 @@ const N_COARSE: usize = 16;
 const APART: f64 = 0.1;
 /// Evaluations of each stage of a descent on the reduced picture.
 const EVALUATIONS: u32 = 40;
-/// Change of f_q below which a descent on the whole picture is settled.
+/// Change of f_q below which a descent on the whole picture is settled, before it goes on and at
+/// last: to one side of a kink f_q hardly changes.
 const SETTLED: f64 = 1e-4;
+const SETTLED_WELL: f64 = 1e-6;
+/// Sizes of a light that are tried, and the most lights of which they are.
+const N_SIZES: u32 = 7;
+const N_SIZED: usize = 8;
 /// Evaluations of a search over the whole box.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
 /// Share of a noise correction that counts as an error when ends are compared.
@@ -42,12 +48,19 @@ pub struct Effort {
     ends: usize,
     /// Evaluations of each of them, and of the best when it goes on.
     evaluations: [u32; 2],
+    /// Whether the best tries other sizes before it goes on.
+    tries_sizes: bool,
+    /// Share of the errors that counts when ends are compared.
+    doubt: f64,
 }
 
-/// Where samples are few.
-const ROUGH: Effort = Effort { ends: 4, evaluations: [10, 15] };
+/// Where samples are few: more will tell what is better.
+const ROUGH: Effort = Effort { ends: 4, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
 /// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 4, evaluations: [15, 30] };
+pub const THOROUGH: Effort = Effort { ends: 4, evaluations: [15, 30], tries_sizes: false, doubt: 1.0 };
+/// Standard errors from four replicates are themselves uncertain: what is known of a residual is
+/// Student's distribution of three degrees of freedom, whose standard deviation is this.
+const STUDENT: f64 = 1.732_050_8;
 
 /// A start and what became of it.
 #[derive(Clone, Debug)]
@@ -62,6 +75,8 @@ pub struct Trial {
     pub end: Option<Vec<f64>>,
     /// What followed on the whole picture, if it was among the best of those.
     pub polished: Option<Polished>,
+    /// Whether it was the best of them and went on.
+    pub leads: bool,
 }
 
 /// The end of a descent on the whole picture.
@@ -129,7 +144,7 @@ pub fn search(
         .into_par_iter()
         .map_init(Scratch::default, |scratch, (name, start)| {
             let screened = value(reduced, &start, Smoothing::DELTA_FIRST, scratch);
-            Trial { name, start, screened, end: None, polished: None }
+            Trial { name, start, screened, end: None, polished: None, leads: false }
         })
         .collect();
     let mut order: Vec<usize> = (0..trials.len()).collect();
@@ -166,7 +181,7 @@ pub fn polish(
     let chosen = apart(ends.iter().enumerate().map(|(k, end)| (k, end.1.as_slice())), effort.ends);
     let settled = chosen.into_par_iter().map(|k| {
         let (i, u, _) = &ends[k];
-        Ok((*i, settle(whole, u, &[0.0; N_SCALARS], few, cancelled)?))
+        Ok((*i, settle(whole, u, None, few, cancelled)?))
     });
     let settled: Vec<(usize, Polished)> = settled.collect::<Result<_, OptimError>>()?;
     let mut count: usize = settled.iter().map(|(_, p)| p.evaluations.len()).sum();
@@ -178,12 +193,62 @@ pub fn polish(
             None => p,
         });
     }
-    if let Some(best) = &mut trials[leader(trials)?].polished {
-        let refined = settle(whole, &best.u, &best.estimate.residual_errors, more, cancelled)?;
+    let leader = leader(trials, effort.doubt)?;
+    for (i, trial) in trials.iter_mut().enumerate() {
+        trial.leads = i == leader;
+    }
+    if let Some(best) = &mut trials[leader].polished {
+        if effort.tries_sizes {
+            let (at, tried) = try_sizes(whole, &best.u);
+            count += tried;
+            if at != best.u {
+                let moved = settle(whole, &at, None, few, cancelled)?;
+                count += moved.evaluations.len();
+                *best = best.followed_by(&moved);
+            }
+        }
+        let refined = settle(whole, &best.u, Some(&best.estimate), more, cancelled)?;
         count += refined.evaluations.len();
         *best = best.followed_by(&refined);
     }
     Ok(count as u32)
+}
+
+/// Takes the best of some sizes of each light in turn, that which gives most first, from the whole of
+/// its range and at constant flux, and returns what it found with the number of points tried. Over the size of a light f_q
+/// often falls slowly but far: noise holds a descent that a glance at the whole range does not.
+fn try_sizes(whole: &Evaluator, u: &[f64]) -> (Vec<f64>, usize) {
+    let measure = |scratch: &mut Scratch, u: Vec<f64>| {
+        let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
+        (u, f)
+    };
+    let mut best = measure(&mut Scratch::default(), u.to_vec());
+    let mut tried = 1;
+    let shares = whole.basis.shares(&whole.lighting(&whole.variables.decode(u)));
+    let mut sizes: Vec<(usize, f64)> = Vec::new();
+    for (i, v) in whole.variables.variables.iter().enumerate() {
+        if let VariableKind::Size(light) = v.kind {
+            sizes.push((i, shares[light]));
+        }
+    }
+    sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
+    for (i, _) in sizes.into_iter().take(N_SIZED).filter(|(_, share)| *share > 0.0) {
+        let coordinates = Coordinates::around(&best.0, whole.variables);
+        let at = |k: u32| {
+            let mut y = best.0.clone();
+            y[i] = f64::from(k) / f64::from(N_SIZES - 1);
+            coordinates.to_cube(&y)
+        };
+        let points = (0..N_SIZES).into_par_iter().map(at).map_init(Scratch::default, measure);
+        let points: Vec<(Vec<f64>, f64)> = points.collect();
+        tried += points.len();
+        for point in points {
+            if point.1 < best.1 {
+                best = point;
+            }
+        }
+    }
+    (best.0, tried)
 }
 
 /// f_q with its error.
@@ -223,7 +288,7 @@ pub fn global(
     Ok((outcome.x, outcome.evaluations))
 }
 
-/// Settles in the kinks of f_q around `u`, as far as the errors of the terms let it.
+/// Settles around `u` by what is expected of the terms with their errors.
 ///
 /// # Errors
 /// As [`search`].
@@ -232,8 +297,7 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    let estimate = estimate(whole, u)?;
-    settle(whole, u, &estimate.residual_errors, THOROUGH.evaluations[1], cancelled)
+    settle(whole, u, Some(&estimate(whole, u)?), THOROUGH.evaluations[1], cancelled)
 }
 
 /// Descends with less and less smoothing.
@@ -276,14 +340,14 @@ fn descend(
     Ok(at)
 }
 
-/// Goes from `u` into the kinks of the terms' moduli and along them. Residuals below their `floors`
-/// count as these: with the terms' errors for floors it leaves a kink that may be elsewhere when
-/// other terms gain by it. On one side of it f_q often rises much faster than on the other, so
-/// that to hit it exactly in samples that err is to pass it half of the time, at a price.
+/// Goes from `u` into the kinks of the terms' moduli and along them; or, where an estimate at `u`
+/// tells the errors of the terms, to the least f_q expected with them. Residuals are then those of
+/// all replicates, less their bias: on one side of a kink f_q often rises much faster than on the
+/// other, and a small error of the wrong sign costs much.
 fn settle(
     whole: &Evaluator,
     u: &[f64],
-    floors: &[f64; N_SCALARS],
+    known: Option<&JackknifeEstimate>,
     evaluations: u32,
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
@@ -291,13 +355,23 @@ fn settle(
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::default();
+    let (errors, defects) = match known {
+        None => ([0.0; N_SCALARS], [0.0; N_SCALARS]),
+        Some(estimate) => {
+            let defects = whole.defects(u, &smoothing, &mut scratch);
+            let defects = defects.map_err(|_| OptimError::NothingEvaluated)?;
+            (estimate.residual_errors.map(|e| STUDENT * e), defects)
+        }
+    };
+    let tolerance = if known.is_some() { SETTLED_WELL } else { SETTLED };
     let coordinates = Coordinates::around(u, whole.variables);
-    let outcome = optim::minimize_moduli(u, &weights, floors, SETTLED, evaluations, |y, moduli| {
+    let outcome = optim::minimize_moduli(u, &weights, &errors, tolerance, evaluations, |y, moduli| {
         let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);
         }
-        log.push((u.to_vec(), moduli.value(&weights, floors), moduli.slope(&weights, floors)));
+        moduli.residuals.iter_mut().zip(&defects).for_each(|(r, defect)| *r += defect);
+        log.push((u.to_vec(), moduli.value(&weights, &errors), moduli.slope(&weights, &errors)));
         moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
         ControlFlow::Continue(())
     });
@@ -310,21 +384,23 @@ fn settle(
     Ok(Polished { u, estimate, evaluations: log, stop })
 }
 
-/// The polished trial of which the upper end of the error bar is the least: where f_q hardly
-/// differs, what is known best is the better choice. Of the noise correction a part counts, since
-/// the jackknife leaves a part of the bias; all of it would favour lights that make no noise.
+/// The trial that went on, and what became of it.
 ///
 /// # Errors
 /// When none is polished.
 pub fn best(trials: &[Trial]) -> Result<(&Trial, &Polished), OptimError> {
-    let best = &trials[leader(trials)?];
+    let best = trials.iter().find(|trial| trial.leads).ok_or(OptimError::NothingEvaluated)?;
     Ok((best, best.polished.as_ref().ok_or(OptimError::NothingEvaluated)?))
 }
 
-fn leader(trials: &[Trial]) -> Result<usize, OptimError> {
+/// The polished trial of which the upper end of the error bar, of which a share counts, is the
+/// least: where f_q hardly differs, what is known best is the better choice. Of the noise correction
+/// a part counts, since the jackknife leaves a part of the bias; all of it would favour lights that
+/// make no noise.
+fn leader(trials: &[Trial], doubt: f64) -> Result<usize, OptimError> {
     let most = |p: &Polished| {
         let e = &p.estimate;
-        e.evaluation.f_q + e.half_width + BIAS_LEFT * e.correction.abs()
+        e.evaluation.f_q + doubt * (e.half_width + BIAS_LEFT * e.correction.abs())
     };
     let polished = trials.iter().enumerate().filter_map(|(i, t)| Some((i, most(t.polished.as_ref()?))));
     let least = polished.min_by(|a, b| a.1.total_cmp(&b.1));

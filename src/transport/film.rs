@@ -30,6 +30,8 @@ pub struct BasisFilm<'a, const N: usize> {
     rgb: &'a mut [f32],
     /// Whether the tables hold nothing yet: then they are written, not read.
     is_first: bool,
+    /// Of a sample.
+    weight: u32,
     /// Memory of rows that are done.
     spare: Mutex<Vec<Sums>>,
     /// [row that made them][replicate]
@@ -57,6 +59,7 @@ pub struct BasisRow<'a, const N: usize> {
     layout: &'a Layout,
     tables: RowTables<'a>,
     is_first: bool,
+    weight: u32,
     spare: &'a Mutex<Vec<Sums>>,
     /// While the row is open.
     sums: Sums,
@@ -70,6 +73,8 @@ pub struct BasisRow<'a, const N: usize> {
 /// Sums of a row of pixels.
 #[derive(Debug, Default)]
 struct Sums {
+    /// Of a sample.
+    weight: f32,
     n_cells: usize,
     n_nodes: usize,
     /// [pixel][cell][node], of the present replicate.
@@ -87,14 +92,15 @@ struct RowTables<'a> {
 }
 
 impl Sums {
-    fn new(layout: &Layout, with_colour: bool) -> Self {
+    fn new(layout: &Layout, with_colour: bool, weight: u32) -> Self {
         let n = layout.size.x as usize * layout.n_rows();
         let rgb = vec![0.0; if with_colour { 3 * n } else { 0 }];
-        Self { n_cells: layout.n_cells(), n_nodes: layout.nodes.len(), luminance: vec![0.0; n], rgb }
+        let (n_cells, n_nodes) = (layout.n_cells(), layout.nodes.len());
+        Self { weight: weight as f32, n_cells, n_nodes, luminance: vec![0.0; n], rgb }
     }
 
     fn add<const N: usize>(&mut self, pixel: usize, deposit: Deposit, value: &NodeRgb<N>) {
-        let Self { n_cells, n_nodes, .. } = *self;
+        let Self { weight, n_cells, n_nodes, .. } = *self;
         let first = (pixel * n_cells + deposit.cell as usize) * n_nodes;
         let luminance = value.0.map(math::luminance);
         let rgb = value.0.map(|c| c.to_array());
@@ -107,9 +113,9 @@ impl Sums {
                 add(&mut self.rgb[3 * first..][..3 * n_nodes], rgb.as_flattened(), share);
             }
         };
-        into(first, 1.0 - deposit.next);
+        into(first, weight * (1.0 - deposit.next));
         if deposit.next > 0.0 {
-            into(first + n_nodes, deposit.next);
+            into(first + n_nodes, weight * deposit.next);
         }
     }
 }
@@ -152,7 +158,7 @@ fn flush(layout: &Layout, sums: &mut [f32], table: &mut [f32], is_first: bool) {
 
 impl<'a, const N: usize> BasisFilm<'a, N> {
     /// A film that fills tables: of luminance by replicate, and of colour unless that is
-    /// empty. With `is_first` it does not look at what they hold.
+    /// empty. With `is_first` it does not look at what they hold. A sample counts `weight` times.
     ///
     /// # Panics
     /// When the layout has another number of value nodes.
@@ -162,6 +168,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
         luminance: &'a mut [Vec<f32>],
         rgb: &'a mut [f32],
         is_first: bool,
+        weight: u32,
     ) -> Self {
         assert!(layout.nodes.len() <= N, "the film carries fewer value nodes than the layout has");
         Self {
@@ -170,6 +177,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
             luminance,
             rgb,
             is_first,
+            weight,
             spare: Mutex::default(),
             non_finite: AtomicU64::new(0),
         }
@@ -177,12 +185,12 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
 
     /// Adds what light subpaths left.
     pub fn finish(self) {
-        let Self { layout, luminance, rgb, mut splats, .. } = self;
+        let Self { layout, luminance, rgb, weight, mut splats, .. } = self;
         let (width, n_replicates, with_colour) = (layout.size.x, luminance.len(), !rgb.is_empty());
         splats.par_iter_mut().for_each(|of_row| of_row.sort_by_key(|s| s.pixel));
         let rows: Vec<RowTables> = row_tables(layout, luminance, rgb).collect();
         rows.into_par_iter().enumerate().for_each_init(
-            || Sums::new(layout, with_colour),
+            || Sums::new(layout, with_colour, weight),
             |sums, (y, mut tables)| {
                 let (begin, end) = (y as u32 * width, (y as u32 + 1) * width);
                 for (r, table) in tables.luminance.iter_mut().enumerate() {
@@ -213,7 +221,7 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
     }
 
     fn rows(&mut self) -> Vec<BasisRow<'_, N>> {
-        let Self { layout, is_first, spare, non_finite, .. } = self;
+        let Self { layout, is_first, weight, spare, non_finite, .. } = self;
         let n_replicates = self.luminance.len();
         row_tables(layout, self.luminance, self.rgb)
             .zip(self.splats.chunks_mut(n_replicates))
@@ -221,6 +229,7 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
                 layout,
                 tables,
                 is_first: *is_first,
+                weight: *weight,
                 spare,
                 sums: Sums::default(),
                 splats,
@@ -274,7 +283,7 @@ impl<const N: usize> Recorder<N> for BasisRow<'_, N> {
 impl<const N: usize> RowRecorder<N> for BasisRow<'_, N> {
     fn open(&mut self) {
         let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
-        self.sums = spare.unwrap_or_else(|| Sums::new(self.layout, !self.tables.rgb.is_empty()));
+        self.sums = spare.unwrap_or_else(|| Sums::new(self.layout, !self.tables.rgb.is_empty(), self.weight));
     }
 
     fn set_pixel(&mut self, i: usize) {

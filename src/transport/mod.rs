@@ -137,7 +137,12 @@ pub struct TransportBasis {
     luminance: Vec<Vec<f32>>,
     /// Sums of colour over the samples of all replicates.
     rgb: Vec<f32>,
+    /// Samples per pixel of each replicate in the tables, by their weights.
     n_samples: u32,
+    /// Weight of the samples that follow.
+    weight: u32,
+    /// Samples taken of the present sequence.
+    taken: u32,
 }
 
 /// What fills a basis.
@@ -160,7 +165,7 @@ impl TransportBasis {
         let n = layout.n_rows() * layout.n_pixels();
         // Zeros that nothing reads or writes take neither time nor memory.
         let luminance = (0..replicates).map(|_| vec![0.0; n]).collect();
-        Self { luminance, rgb: vec![0.0; 3 * n], n_samples: 0, layout }
+        Self { luminance, rgb: vec![0.0; 3 * n], n_samples: 0, weight: 1, taken: 0, layout }
     }
 
     /// What is kept apart.
@@ -175,22 +180,24 @@ impl TransportBasis {
         self.luminance.len()
     }
 
-    /// Samples per pixel of each replicate.
+    /// Samples per pixel of each replicate, by their weights.
     #[must_use]
     pub fn n_samples(&self) -> u32 {
         self.n_samples
     }
 
-    /// Lets the samples so far, if there is more than one of each replicate, count at most half as
-    /// much as those that follow. Those should come from another seed; since both are unbiased, so
-    /// is their mean.
+    /// As many samples per pixel of all replicates as would tell as much, if all counted like those
+    /// that follow.
+    #[must_use]
+    pub fn effective_samples(&self) -> u32 {
+        self.n_samples * self.n_replicates() as u32 / self.weight
+    }
+
+    /// Lets the samples that follow count twice as much as those so far. They must come from another
+    /// seed; since both are unbiased, so is their mean.
     pub fn fade(&mut self) {
-        let n = (self.n_samples / 2).max(1);
-        let scale = n as f32 / self.n_samples.max(1) as f32;
-        for table in self.luminance.iter_mut().chain([&mut self.rgb]) {
-            table.par_chunks_mut(1 << 16).for_each(|part| part.iter_mut().for_each(|v| *v *= scale));
-        }
-        self.n_samples = n;
+        self.weight *= 2;
+        self.taken = 0;
     }
 
     /// Adds `count` samples per pixel to every replicate, each continuing its own
@@ -217,15 +224,16 @@ impl TransportBasis {
         count: u32,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        let Self { layout, luminance, rgb, n_samples } = self;
+        let Self { layout, luminance, rgb, n_samples, weight, taken } = self;
         let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
         let nodes = Values::<N>(std::array::from_fn(node));
-        let sampling = Sampling { sampler: source.sampler, seed: source.seed, first: *n_samples, count };
+        let sampling = Sampling { sampler: source.sampler, seed: source.seed, first: *taken, count };
         let replicates: Vec<Sampling> = (0..luminance.len() as u64).map(|r| sampling.replicate(r)).collect();
-        let mut film = BasisFilm::<N>::new(layout, luminance, rgb, *n_samples == 0);
+        let mut film = BasisFilm::<N>::new(layout, luminance, rgb, *n_samples == 0, *weight);
         source.integrator.render_values(source.scene, &nodes, &mut film, &replicates, observer)?;
         film.finish();
-        *n_samples += count;
+        *taken += count;
+        *n_samples += *weight * count;
         Ok(())
     }
 
@@ -253,6 +261,7 @@ impl TransportBasis {
             rgb: Vec::new(),
             n_samples: self.n_samples * (n / 2) as u32,
             layout: self.layout.clone(),
+            ..*self
         }
     }
 
@@ -282,7 +291,7 @@ impl TransportBasis {
             out
         };
         let luminance = self.luminance.par_iter().map(reduce).collect();
-        Self { luminance, rgb: Vec::new(), n_samples: self.n_samples, layout }
+        Self { luminance, rgb: Vec::new(), layout, ..*self }
     }
 
     /// The part of a table of `channels` numbers a pixel, cell and node that belongs to a row of

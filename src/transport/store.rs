@@ -169,7 +169,8 @@ impl TransportBasis {
         if hash != hashed.to_le_bytes() {
             return Err(damaged());
         }
-        Ok((Self { layout, luminance, rgb, n_samples: header.n_samples }, header.about))
+        let n_samples = header.n_samples;
+        Ok((Self { layout, luminance, rgb, n_samples, weight: 1, taken: n_samples }, header.about))
     }
 }
 
