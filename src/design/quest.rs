@@ -11,7 +11,7 @@ use super::{
     attribute,
     engine::Engine,
     evaluator::Evaluator,
-    precision::{LEAST_SAMPLES, MAX_SAMPLES, Precision},
+    precision::{AIMED_SAMPLES, LEAST_SAMPLES, MAX_SAMPLES, Precision},
     search::{self, Polished, Trial},
 };
 use crate::{
@@ -118,7 +118,7 @@ impl Quest<'_, '_> {
         let missing = LEAST_SAMPLES.saturating_sub(now.samples());
         let exact = missing == 0 && precision.is_met(&self.best.estimate);
         if may_go_on && now.may_aim() {
-            Step::Aim(LEAST_SAMPLES)
+            Step::Aim(AIMED_SAMPLES)
         } else if !exact && may_add {
             Step::Add(precision.more(now.samples(), &self.best.estimate).max(missing))
         } else if self.is_due(now) {

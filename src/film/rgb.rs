@@ -193,7 +193,7 @@ impl<const N: usize> Recorder<N> for RgbRow<'_> {
         }
         let first = self.pixel * self.scales.len();
         for Route { picture, node, gain, .. } in self.routes(c) {
-            let value = c.value.0[node] * gain;
+            let value = c.value.at(node) * gain;
             let cell = &mut self.sums[3 * (first + picture)..][..3];
             cell.iter_mut().zip(value.to_array()).for_each(|(sum, v)| *sum += f64::from(v));
         }
@@ -205,7 +205,7 @@ impl<const N: usize> Recorder<N> for RgbRow<'_> {
         for Route { picture, node, gain, .. } in routes {
             self.splats.add(
                 pixel * self.scales.len() + picture,
-                c.value.0[node] * gain,
+                c.value.at(node) * gain,
                 self.scales[picture],
             );
         }

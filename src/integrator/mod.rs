@@ -277,11 +277,7 @@ impl<const N: usize> Values<N> {
     /// Throughput after a scattering at `si`.
     #[inline]
     fn scatter(&self, beta: &NodeRgb<N>, f: Affine, si: &SurfaceInteraction) -> NodeRgb<N> {
-        if si.is_background {
-            NodeRgb(std::array::from_fn(|k| beta.0[k] * f.at(self.0[k])))
-        } else {
-            beta.times(f.at(1.0))
-        }
+        if si.is_background { beta.times_affine(f.coat, f.body, &self.0) } else { beta.times(f.at(1.0)) }
     }
 }
 

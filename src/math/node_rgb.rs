@@ -4,41 +4,68 @@ use super::Rgb;
 
 /// A colour at each node of the background's value; the first node is the
 /// largest value, at which it is largest. With one node it is a plain colour.
+/// Each channel lies together, so that the nodes become vector instructions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NodeRgb<const N: usize>(pub [Rgb; N]);
+pub struct NodeRgb<const N: usize>(pub [[f32; N]; 3]);
 
 impl<const N: usize> NodeRgb<N> {
     /// One at every node.
-    pub const ONE: Self = Self([Rgb::ONE; N]);
+    pub const ONE: Self = Self([[1.0; N]; 3]);
+
+    /// The colour at a node.
+    #[must_use]
+    pub fn at(&self, node: usize) -> Rgb {
+        Rgb::from_array(self.0.map(|channel| channel[node]))
+    }
 
     /// The colour at the largest value.
     #[must_use]
     pub fn largest(&self) -> Rgb {
-        self.0[0]
+        self.at(0)
+    }
+
+    /// Luminance at every node.
+    #[must_use]
+    pub fn luminance(&self) -> [f32; N] {
+        let [r, g, b] = &self.0;
+        std::array::from_fn(|k| super::luminance(Rgb::new(r[k], g[k], b[k])))
     }
 
     /// Whether it is zero at the largest value, and so everywhere.
     #[must_use]
     pub fn is_zero(&self) -> bool {
-        self.0[0] == Rgb::ZERO
+        self.largest() == Rgb::ZERO
     }
 
     /// Product with a colour that does not depend on the value.
     #[must_use]
-    pub fn times(self, c: Rgb) -> Self {
-        Self(self.0.map(|v| v * c))
+    pub fn times(mut self, c: Rgb) -> Self {
+        for (channel, c) in self.0.iter_mut().zip(c.to_array()) {
+            channel.iter_mut().for_each(|v| *v *= c);
+        }
+        self
+    }
+
+    /// Product with a colour that is affine in the value: `constant + value · slope`.
+    #[must_use]
+    pub fn times_affine(mut self, constant: Rgb, slope: Rgb, values: &[f32; N]) -> Self {
+        for (c, channel) in self.0.iter_mut().enumerate() {
+            let (constant, slope) = (constant[c], slope[c]);
+            channel.iter_mut().zip(values).for_each(|(v, value)| *v *= constant + slope * value);
+        }
+        self
     }
 
     /// Product with a number.
     #[must_use]
     pub fn scaled(self, s: f32) -> Self {
-        Self(self.0.map(|v| v * s))
+        self.times(Rgb::splat(s))
     }
 
     /// Product node by node.
     #[must_use]
     pub fn product(mut self, other: &Self) -> Self {
-        for (a, b) in self.0.iter_mut().zip(&other.0) {
+        for (a, b) in self.0.as_flattened_mut().iter_mut().zip(other.0.as_flattened()) {
             *a *= *b;
         }
         self
@@ -47,6 +74,6 @@ impl<const N: usize> NodeRgb<N> {
     /// Whether all are finite and none negative.
     #[must_use]
     pub fn is_radiance(&self) -> bool {
-        self.0.iter().all(|c| c.is_finite() && c.min_element() >= 0.0)
+        self.0.as_flattened().iter().fold(true, |all, v| all & (0.0..=f32::MAX).contains(v))
     }
 }

@@ -4,9 +4,6 @@
 /// (W·m⁻²·sr⁻¹ per channel), as the context says.
 pub type Rgb = glam::Vec3;
 
-/// Rec.709 luminance weights of R, G and B.
-pub const LUMINANCE_WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
-
 /// Luminance of a linear Rec.709 triple.
 #[must_use]
 pub fn luminance(c: Rgb) -> f32 {

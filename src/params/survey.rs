@@ -39,6 +39,9 @@ pub const MAX_ALBEDO: f32 = 0.95;
 /// Largest value factor of the background.
 pub const MAX_VALUE: f32 = 4.0;
 
+/// Halvings of the exponent's range in which a gain is sought: to a millionth of it.
+const BISECTIONS: u32 = 27;
+
 /// A scene leaves nothing to optimise.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
@@ -124,7 +127,7 @@ fn gain_for(y: &[f64], weight: impl Fn(f64) -> f64, target: f64, exposure: f64, 
         weights.iter().zip(&shown).map(|(w, l)| w * l).sum::<f64>() / total
     };
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
-    for _ in 0..48 {
+    for _ in 0..BISECTIONS {
         let mid = 0.5 * (lo + hi);
         if display(mid.exp2()) < target {
             lo = mid;

@@ -8,10 +8,10 @@ use std::sync::{
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::{Layout, kernels};
+use super::{COLOURS, Layout, kernels};
 use crate::{
     film::{Contribution, Film, Recorder, Region, RowRecorder},
-    math::{self, NodeRgb},
+    math::NodeRgb,
 };
 
 /// Sums of the contributions to the replicates of a basis: of luminance for each replicate, of
@@ -27,7 +27,7 @@ pub struct BasisFilm<'a, const N: usize> {
     /// By replicate.
     luminance: &'a mut [Vec<f32>],
     /// Empty when colour is not kept.
-    rgb: &'a mut [f32],
+    colour: &'a mut [f32],
     /// Whether the tables hold nothing yet: then they are written, not read.
     is_first: bool,
     /// Of a sample.
@@ -79,8 +79,8 @@ struct Sums {
     n_nodes: usize,
     /// [pixel][cell][node], of the present replicate.
     luminance: Vec<f32>,
-    /// [pixel][cell][node][rgb], of all replicates.
-    rgb: Vec<f32>,
+    /// [pixel][cell][red or blue][node], of all replicates.
+    colour: Vec<f32>,
 }
 
 /// Parts of the tables that belong to a row of pixels.
@@ -88,29 +88,29 @@ struct Sums {
 struct RowTables<'a> {
     /// By replicate.
     luminance: Vec<&'a mut [f32]>,
-    rgb: &'a mut [f32],
+    colour: &'a mut [f32],
 }
 
 impl Sums {
     fn new(layout: &Layout, with_colour: bool, weight: u32) -> Self {
         let n = layout.size.x as usize * layout.n_rows();
-        let rgb = vec![0.0; if with_colour { 3 * n } else { 0 }];
+        let colour = vec![0.0; if with_colour { COLOURS * n } else { 0 }];
         let (n_cells, n_nodes) = (layout.n_cells(), layout.nodes.len());
-        Self { weight: weight as f32, n_cells, n_nodes, luminance: vec![0.0; n], rgb }
+        Self { weight: weight as f32, n_cells, n_nodes, luminance: vec![0.0; n], colour }
     }
 
     fn add<const N: usize>(&mut self, pixel: usize, deposit: Deposit, value: &NodeRgb<N>) {
         let Self { weight, n_cells, n_nodes, .. } = *self;
         let first = (pixel * n_cells + deposit.cell as usize) * n_nodes;
-        let luminance = value.0.map(math::luminance);
-        let rgb = value.0.map(|c| c.to_array());
+        let luminance = value.luminance();
         let add = |sums: &mut [f32], values: &[f32], share: f32| {
             sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += share * v);
         };
         let mut into = |first: usize, share: f32| {
             add(&mut self.luminance[first..][..n_nodes], &luminance, share);
-            if !self.rgb.is_empty() {
-                add(&mut self.rgb[3 * first..][..3 * n_nodes], rgb.as_flattened(), share);
+            if !self.colour.is_empty() {
+                let sums = self.colour[COLOURS * first..][..COLOURS * n_nodes].chunks_exact_mut(n_nodes);
+                sums.zip([&value.0[0], &value.0[2]]).for_each(|(sums, channel)| add(sums, channel, share));
             }
         };
         into(first, weight * (1.0 - deposit.next));
@@ -124,14 +124,14 @@ impl Sums {
 fn row_tables<'a>(
     layout: &Layout,
     luminance: &'a mut [Vec<f32>],
-    rgb: &'a mut [f32],
+    colour: &'a mut [f32],
 ) -> impl Iterator<Item = RowTables<'a>> {
     let width = layout.size.x as usize * layout.n_rows();
     let mut luminance: Vec<_> = luminance.iter_mut().map(|table| table.chunks_mut(width)).collect();
-    let mut rgb = rgb.chunks_mut(3 * width);
+    let mut colour = colour.chunks_mut(COLOURS * width);
     (0..layout.size.y).map(move |_| RowTables {
         luminance: luminance.iter_mut().filter_map(Iterator::next).collect(),
-        rgb: rgb.next().unwrap_or_default(),
+        colour: colour.next().unwrap_or_default(),
     })
 }
 
@@ -166,7 +166,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
     pub fn new(
         layout: &'a Layout,
         luminance: &'a mut [Vec<f32>],
-        rgb: &'a mut [f32],
+        colour: &'a mut [f32],
         is_first: bool,
         weight: u32,
     ) -> Self {
@@ -175,7 +175,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
             splats: vec![Vec::new(); layout.size.y as usize * luminance.len()],
             layout,
             luminance,
-            rgb,
+            colour,
             is_first,
             weight,
             spare: Mutex::default(),
@@ -185,10 +185,10 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
 
     /// Adds what light subpaths left.
     pub fn finish(self) {
-        let Self { layout, luminance, rgb, weight, mut splats, .. } = self;
-        let (width, n_replicates, with_colour) = (layout.size.x, luminance.len(), !rgb.is_empty());
+        let Self { layout, luminance, colour, weight, mut splats, .. } = self;
+        let (width, n_replicates, with_colour) = (layout.size.x, luminance.len(), !colour.is_empty());
         splats.par_iter_mut().for_each(|of_row| of_row.sort_by_key(|s| s.pixel));
-        let rows: Vec<RowTables> = row_tables(layout, luminance, rgb).collect();
+        let rows: Vec<RowTables> = row_tables(layout, luminance, colour).collect();
         rows.into_par_iter().enumerate().for_each_init(
             || Sums::new(layout, with_colour, weight),
             |sums, (y, mut tables)| {
@@ -203,7 +203,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
                     flush(layout, &mut sums.luminance, table, false);
                 }
                 if with_colour {
-                    flush(layout, &mut sums.rgb, tables.rgb, false);
+                    flush(layout, &mut sums.colour, tables.colour, false);
                 }
             },
         );
@@ -223,7 +223,7 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
     fn rows(&mut self) -> Vec<BasisRow<'_, N>> {
         let Self { layout, is_first, weight, spare, non_finite, .. } = self;
         let n_replicates = self.luminance.len();
-        row_tables(layout, self.luminance, self.rgb)
+        row_tables(layout, self.luminance, self.colour)
             .zip(self.splats.chunks_mut(n_replicates))
             .map(|(tables, splats)| BasisRow {
                 layout,
@@ -283,7 +283,8 @@ impl<const N: usize> Recorder<N> for BasisRow<'_, N> {
 impl<const N: usize> RowRecorder<N> for BasisRow<'_, N> {
     fn open(&mut self) {
         let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
-        self.sums = spare.unwrap_or_else(|| Sums::new(self.layout, !self.tables.rgb.is_empty(), self.weight));
+        self.sums =
+            spare.unwrap_or_else(|| Sums::new(self.layout, !self.tables.colour.is_empty(), self.weight));
     }
 
     fn set_pixel(&mut self, i: usize) {
@@ -297,8 +298,8 @@ impl<const N: usize> RowRecorder<N> for BasisRow<'_, N> {
     }
 
     fn close(&mut self) {
-        if !self.sums.rgb.is_empty() {
-            flush(self.layout, &mut self.sums.rgb, self.tables.rgb, self.is_first);
+        if !self.sums.colour.is_empty() {
+            flush(self.layout, &mut self.sums.colour, self.tables.colour, self.is_first);
         }
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(std::mem::take(&mut self.sums));

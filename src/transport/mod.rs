@@ -13,7 +13,8 @@
 //!
 //! Replicates come from independent scrambles. Each has a table of luminance, for
 //! the objective; colour is kept as their mean. Tables hold prefix sums over the
-//! knots, layout `[y][cell][node][x]` (colour: `[y][cell][node][rgb][x]`), the cells
+//! knots, layout `[y][cell][node][x]` (colour: `[y][cell][red or blue][node][x]`; green follows from
+//! the luminance), the cells
 //! of a light being its knots; a light whose size is not free has a single cell.
 
 mod film;
@@ -36,6 +37,9 @@ pub use film::BasisFilm;
 pub use knots::Knots;
 pub use nodes::ValueNodes;
 pub use recombine::{LightingGradient, LightingPoint, Recombination, Tangents};
+
+/// Channels in the table of colour: red and blue.
+const COLOURS: usize = 2;
 
 /// The cells of a light.
 #[derive(Clone, Debug, PartialEq)]
@@ -120,7 +124,7 @@ impl Layout {
     /// table of colour.
     #[must_use]
     pub fn table_memory(&self, replicates: usize) -> u64 {
-        self.table_bytes() * (replicates as u64 + 3)
+        self.table_bytes() * (replicates + COLOURS) as u64
     }
 
     /// Of a table of one number a pixel, cell and node.
@@ -135,8 +139,8 @@ pub struct TransportBasis {
     layout: Layout,
     /// By replicate: sums of luminance over the samples.
     luminance: Vec<Vec<f32>>,
-    /// Sums of colour over the samples of all replicates.
-    rgb: Vec<f32>,
+    /// Sums of red and blue over the samples of all replicates.
+    colour: Vec<f32>,
     /// Samples per pixel of each replicate in the tables, by their weights.
     n_samples: u32,
     /// Weight of the samples that follow.
@@ -165,7 +169,7 @@ impl TransportBasis {
         let n = layout.n_rows() * layout.n_pixels();
         // Zeros that nothing reads or writes take neither time nor memory.
         let luminance = (0..replicates).map(|_| vec![0.0; n]).collect();
-        Self { luminance, rgb: vec![0.0; 3 * n], n_samples: 0, weight: 1, taken: 0, layout }
+        Self { luminance, colour: vec![0.0; COLOURS * n], n_samples: 0, weight: 1, taken: 0, layout }
     }
 
     /// What is kept apart.
@@ -224,12 +228,12 @@ impl TransportBasis {
         count: u32,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        let Self { layout, luminance, rgb, n_samples, weight, taken } = self;
+        let Self { layout, luminance, colour, n_samples, weight, taken } = self;
         let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
         let nodes = Values::<N>(std::array::from_fn(node));
         let sampling = Sampling { sampler: source.sampler, seed: source.seed, first: *taken, count };
         let replicates: Vec<Sampling> = (0..luminance.len() as u64).map(|r| sampling.replicate(r)).collect();
-        let mut film = BasisFilm::<N>::new(layout, luminance, rgb, *n_samples == 0, *weight);
+        let mut film = BasisFilm::<N>::new(layout, luminance, colour, *n_samples == 0, *weight);
         source.integrator.render_values(source.scene, &nodes, &mut film, &replicates, observer)?;
         film.finish();
         *taken += count;
@@ -243,7 +247,7 @@ impl TransportBasis {
     pub fn halves(&self) -> Self {
         let n = self.n_replicates();
         if !n.is_multiple_of(2) {
-            return Self { rgb: Vec::new(), ..self.clone() };
+            return Self { colour: Vec::new(), ..self.clone() };
         }
         let half = |first: usize| {
             let tables: Vec<&Vec<f32>> = self.luminance[first..].iter().step_by(2).collect();
@@ -258,7 +262,7 @@ impl TransportBasis {
         };
         Self {
             luminance: vec![half(0), half(1)],
-            rgb: Vec::new(),
+            colour: Vec::new(),
             n_samples: self.n_samples * (n / 2) as u32,
             layout: self.layout.clone(),
             ..*self
@@ -291,7 +295,7 @@ impl TransportBasis {
             out
         };
         let luminance = self.luminance.par_iter().map(reduce).collect();
-        Self { luminance, rgb: Vec::new(), layout, ..*self }
+        Self { luminance, colour: Vec::new(), layout, ..*self }
     }
 
     /// The part of a table of `channels` numbers a pixel, cell and node that belongs to a row of

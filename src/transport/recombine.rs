@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Layout, TransportBasis, kernels};
-use crate::film::Picture;
+use super::{COLOURS, Layout, TransportBasis, kernels};
+use crate::{film::Picture, math::display::LUMINANCE_WEIGHTS};
 
 /// A lighting: what the basis leaves open.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -209,21 +209,34 @@ impl TransportBasis {
     pub fn picture(&self, x: &LightingPoint) -> Picture {
         let layout = self.layout();
         let n = layout.n_pixels();
+        let n_nodes = layout.nodes.len();
         let r = Recombination::new(layout, x);
         let scale = 1.0 / (f64::from(self.n_samples().max(1)) * self.n_replicates() as f64);
         let of_light = |light: usize| {
             let entries: Vec<&Entry> =
                 r.entries.iter().filter(|e| e.light == light && e.weight != 0.0).collect();
             let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
-            let channels: [Vec<usize>; 3] =
-                std::array::from_fn(|c| entries.iter().map(|e| e.row * 3 + c).collect());
+            let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
+            let of_colour = |channel: usize| -> Vec<usize> {
+                rows.iter().map(|row| (row / n_nodes * COLOURS + channel) * n_nodes + row % n_nodes).collect()
+            };
+            let colours: [Vec<usize>; COLOURS] = std::array::from_fn(of_colour);
             let mut picture = vec![[0.0_f32; 3]; n];
-            let mut sums = vec![0.0; self.width()];
+            let [mut red, mut blue, mut one, mut sum] = std::array::from_fn(|_| vec![0.0; self.width()]);
             for (y, line) in picture.chunks_mut(self.width()).enumerate() {
-                for (c, rows) in channels.iter().enumerate() {
-                    kernels::combine(self.line(&self.rgb, 3, y), rows, &weights, &mut sums);
+                for (rows, out) in colours.iter().zip([&mut red, &mut blue]) {
+                    kernels::combine(self.line(&self.colour, COLOURS, y), rows, &weights, out);
+                }
+                sum.fill(0.0);
+                for table in &self.luminance {
+                    kernels::combine(self.line(table, 1, y), &rows, &weights, &mut one);
+                    sum.iter_mut().zip(&one).for_each(|(sum, v)| *sum += v);
+                }
+                let [to_red, to_green, to_blue] = LUMINANCE_WEIGHTS;
+                for (x, rgb) in line.iter_mut().enumerate() {
+                    let green = (sum[x] - to_red * red[x] - to_blue * blue[x]) / to_green;
                     // Weights of both signs: rounding may leave less than nothing.
-                    line.iter_mut().zip(&sums).for_each(|(rgb, v)| rgb[c] = v.max(0.0) as f32);
+                    *rgb = [red[x], green, blue[x]].map(|v| v.max(0.0) as f32);
                 }
             }
             picture

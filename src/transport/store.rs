@@ -15,7 +15,7 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Knots, Layout, SizeBins, TransportBasis, ValueNodes};
+use super::{COLOURS, Knots, Layout, SizeBins, TransportBasis, ValueNodes};
 use crate::{
     files::{atomic::AtomicWriteError, write_atomically},
     math::hash::hash_words,
@@ -23,7 +23,7 @@ use crate::{
 
 const MAGIC: &[u8; 13] = b"LIGHTOPTBASIS";
 /// Version of the format and of what the tables mean.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// A basis cannot be stored or read.
 #[derive(Debug, thiserror::Error)]
@@ -90,7 +90,7 @@ impl TransportBasis {
             write(&[VERSION])?;
             write(&(header.len() as u64).to_le_bytes())?;
             write(&header)?;
-            for table in self.luminance.iter().chain([&self.rgb]) {
+            for table in self.luminance.iter().chain([&self.colour]) {
                 for part in table.chunks(CHUNK) {
                     let bytes: Vec<u8> = part.iter().flat_map(|v| v.to_le_bytes()).collect();
                     write(&bytes)?;
@@ -136,7 +136,7 @@ impl TransportBasis {
         let layout = Layout::new(UVec2::from_array(header.size), sizes, nodes);
         let n = layout.n_rows().checked_mul(layout.n_pixels()).ok_or_else(damaged)?;
         let wanted =
-            n.checked_mul(header.replicates + 3).and_then(|n| n.checked_mul(4)).ok_or_else(damaged)?;
+            n.checked_mul(header.replicates + COLOURS).and_then(|n| n.checked_mul(4)).ok_or_else(damaged)?;
         if n == 0 || rest.len() != wanted + 8 || header.n_nodes != layout.nodes.len() || header.n_samples == 0
         {
             return Err(damaged());
@@ -165,12 +165,12 @@ impl TransportBasis {
                 .collect()
         };
         let luminance = floats.iter().map(|t| table(t)).collect();
-        let rgb = table(&colour);
+        let colour = table(&colour);
         if hash != hashed.to_le_bytes() {
             return Err(damaged());
         }
         let n_samples = header.n_samples;
-        Ok((Self { layout, luminance, rgb, n_samples, weight: 1, taken: n_samples }, header.about))
+        Ok((Self { layout, luminance, colour, n_samples, weight: 1, taken: n_samples }, header.about))
     }
 }
 
