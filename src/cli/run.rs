@@ -85,7 +85,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
 
-    /// Samples per pixel of the first transport basis, which tells where to look [default: 12]; of
+    /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
     /// every working picture with --gradient fd [default: what --tolerance needs]
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,

@@ -17,9 +17,9 @@ use crate::{
 };
 
 /// Points of the box at which every term is measured.
-const N_POINTS: u32 = 128;
+const N_POINTS: u32 = 64;
 /// Evaluations of the descent of a term alone.
-const EVALUATIONS: u32 = 20;
+const EVALUATIONS: u32 = 12;
 /// A term that cannot come below this is worth a word.
 const NOTABLE: f64 = 0.02;
 

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::{
     Purpose, Reporter, RunError, Setting, Task, check,
-    engine::{Aim, Engine},
+    engine::{Aim, Engine, REPLICATES},
     precision::Precision,
     quest::{Found, MAX_REFOCUS, Quest, Spent, Step, evaluators, start_line},
     search::{self, Polished, Trial},
@@ -21,7 +21,8 @@ use super::{
 use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
 
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
-/// of all that lie around it.
+/// of all that lie around it. They become a power of two a replicate, after which Sobol's sequence
+/// leaves the least noise.
 const CHECK_SHARE: f64 = 0.5;
 
 /// Finds the lights of several looks: searches, adds samples, checks, refocuses.
@@ -93,7 +94,7 @@ pub fn optimise(
                 continue;
             }
             Step::Refocus(samples) => {
-                let aims = aims(&open, now, setting);
+                let aims = aims(&open, now, setting, 0.5);
                 let mut fresh = now.around(aims, spent.rounds, setting.scene, options);
                 open.iter_mut().for_each(|quest| quest.searched = 0);
                 spent.rounds += 1;
@@ -105,7 +106,7 @@ pub fn optimise(
                 own = Some(fresh);
             }
             Step::Aim(samples) => {
-                engine.aim_at(aims(&open, now, setting));
+                engine.aim_at(aims(&open, now, setting, 0.5));
                 engine.add(samples, setting.scene, setting.camera, options, reporter)?;
             }
             Step::Add(samples) => {
@@ -179,11 +180,12 @@ fn begin_quests<'t, 'a>(
     Ok(quests)
 }
 
-/// What was found for every look: the more it lacks of the tolerance, the more samples are its.
-fn aims(quests: &[Quest], now: &Engine, setting: &Setting) -> Vec<Aim> {
+/// What was found for every look: the more it lacks of the tolerance, the more samples are its, by a
+/// power of that. With 1/2 the sum of what they then lack is the least, with 1 the most that one lacks.
+fn aims(quests: &[Quest], now: &Engine, setting: &Setting, power: f64) -> Vec<Aim> {
     let aim = |quest: &Quest| {
         let precision = Precision::reported(setting.options.tolerance);
-        let share = precision.needed(&quest.best.estimate).clamp(0.1, 10.0);
+        let share = precision.needed(&quest.best.estimate).clamp(0.1, 10.0).powf(power);
         now.aim(now.lighting(setting.variables, &quest.best.u), share)
     };
     quests.iter().map(aim).collect()
@@ -200,9 +202,10 @@ fn check_all(
     reporter: &impl Reporter,
 ) -> Result<Vec<JackknifeEstimate>, RunError> {
     let objectives: Vec<_> = quests.iter().map(|quest| &quest.task.objective).collect();
-    let aims = aims(quests, now, setting);
+    let aims = aims(quests, now, setting, 1.0);
     let seed = hash_words(&[seed_for(setting.options.seed, Purpose::Check), u64::from(round)]);
-    let spp = (f64::from(now.samples()) * CHECK_SHARE) as u32;
+    let wanted = (f64::from(now.samples()) * CHECK_SHARE) as u32;
+    let spp = wanted.div_ceil(REPLICATES as u32).next_power_of_two() * REPLICATES as u32;
     check::check(&aims, &objectives, setting, seed, spp, renders, reporter)
 }
 

@@ -23,7 +23,7 @@ pub const REPLICATES: usize = 4;
 /// Those of [`TransportBasis::halves`].
 const HALVES: usize = 2;
 /// Samples of the first basis, which tells where to look, if nobody says how many.
-const FIRST_SAMPLES: u32 = 12;
+const FIRST_SAMPLES: u32 = 8;
 /// Knots of a light's size, and the fewest that memory may leave.
 const KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;

@@ -76,7 +76,8 @@ struct Options<'a> {
 }
 
 /// Hash of the bytes of a scene file and its sidecar.
-fn content(scene_path: &Path) -> String {
+#[must_use]
+pub fn content(scene_path: &Path) -> String {
     let hash = [scene_path.to_path_buf(), scene_path.with_extension("toml")]
         .iter()
         .filter_map(|p| std::fs::read(p).ok())
@@ -98,7 +99,7 @@ fn content(scene_path: &Path) -> String {
 /// When a value cannot be written as TOML.
 pub fn text(
     scene: &Scene,
-    scene_path: &Path,
+    (scene_path, content): (&Path, &str),
     options: &RunOptions,
     target: &Target,
     variables: &ParamVector,
@@ -118,7 +119,7 @@ pub fn text(
         },
         scene: SceneFacts {
             path: scene_path.display().to_string(),
-            content: content(scene_path),
+            content: content.to_owned(),
             triangles: scene.mesh.indices.len(),
             lights: scene.lights.iter().map(|l| l.name.as_str()).collect(),
             exposure: scene.exposure,

@@ -266,6 +266,7 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
+    let content = manifest::content(scene_path);
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
     }
@@ -315,7 +316,16 @@ pub fn run(
         let mut tasks = jobs
             .iter()
             .map(|(job, objective)| {
-                begin(job, objective, scene_path, &unit, &mut setting, engine.as_ref(), before, reporter)
+                begin(
+                    job,
+                    objective,
+                    (scene_path, &content),
+                    &unit,
+                    &mut setting,
+                    engine.as_ref(),
+                    before,
+                    reporter,
+                )
             })
             .collect::<Result<Vec<_>, _>>()?;
         let found = match &mut engine {
@@ -365,7 +375,7 @@ pub fn run(
 fn begin<'a>(
     job: &'a Job,
     objective: &Objective,
-    scene_path: &Path,
+    source: (&Path, &str),
     unit: &Picture,
     setting: &mut Setting<'a>,
     engine: Option<&engine::Engine>,
@@ -373,7 +383,7 @@ fn begin<'a>(
     reporter: &impl Reporter,
 ) -> Result<Task<'a>, RunError> {
     let Setting { scene, variables, options, aovs, .. } = &*setting;
-    let manifest = manifest::text(scene, scene_path, options, &job.target, variables)?;
+    let manifest = manifest::text(scene, source, options, &job.target, variables)?;
     let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
     dir.log_timing(&json!({"stage": "survey", "seconds": surveyed.as_secs_f64()}))?;
     let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));

@@ -55,9 +55,9 @@ pub struct Effort {
 }
 
 /// Where samples are few: more will tell what is better.
-const ROUGH: Effort = Effort { ends: 4, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
+const ROUGH: Effort = Effort { ends: 3, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
 /// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 3, evaluations: [12, 24], tries_sizes: false, doubt: 1.0 };
+pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], tries_sizes: true, doubt: 1.0 };
 /// Standard errors from four replicates are themselves uncertain: what is known of a residual is
 /// Student's distribution of three degrees of freedom, whose standard deviation is this.
 const STUDENT: f64 = 1.732_050_8;
