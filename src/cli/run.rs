@@ -107,9 +107,9 @@ pub struct RunArgs {
     #[arg(long)]
     pub global: bool,
 
-    /// Error of f_q (95 %) at which the check of the lights found takes no more samples; twice as
-    /// much is enough to search the transport basis, and with --gradient fd for what is minimised,
-    /// the noise's bias included
+    /// Error of f_q (95 %) at which the check of the lights found takes no more samples; three
+    /// times as much is enough to search the transport basis, and twice, the noise's bias included,
+    /// for what --gradient fd minimises
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 

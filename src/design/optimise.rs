@@ -188,7 +188,7 @@ impl<R: Reporter> Search<'_, '_, R> {
     /// renders have it, noise included, is what is minimised.
     fn find_samples(&mut self, u: &[f64]) -> Result<(), RunError> {
         let options = self.setting.options;
-        let precision = Precision::choosing(options.tolerance);
+        let precision = Precision::differences(options.tolerance);
         while options.spp.is_none() && self.spp < MAX_SAMPLES {
             let estimate = self.shoot(u, Purpose::Optimise)?.measure(&self.task.objective)?.estimate;
             if precision.is_met_uncorrected(&estimate) {
