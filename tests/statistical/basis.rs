@@ -236,7 +236,7 @@ fn aimed_samples_after_others_equal_feathered_renders_too() {
     }
     basis.render(source(&scene, 10), 4, &()).unwrap();
     basis.fade();
-    assert_eq!(basis.n_samples(), 2);
+    assert_eq!(basis.effective_samples(), 2 * n as u32);
     let weights: Vec<f32> = (0..scene.lights.len()).map(|l| 0.2 + l as f32).collect();
     scene.select_lights(&weights);
     for light in &mut scene.lights {
@@ -245,6 +245,7 @@ fn aimed_samples_after_others_equal_feathered_renders_too() {
         }
     }
     basis.render(source(&scene, 11), spp, &()).unwrap();
+    assert_eq!(basis.effective_samples(), (2 + spp) * n as u32);
     scene.select_all_lights();
     free_sizes(&mut scene);
     let mut random = Random::new(&[45]);
