@@ -48,14 +48,16 @@ pub struct Effort {
     ends: usize,
     /// Evaluations of each of them, and of the best when it goes on.
     evaluations: [u32; 2],
+    /// Whether the best tries other sizes before it goes on.
+    tries_sizes: bool,
     /// Share of the errors that counts when ends are compared.
     doubt: f64,
 }
 
 /// Where samples are few: more will tell what is better.
-const ROUGH: Effort = Effort { ends: 3, evaluations: [10, 15], doubt: 0.5 };
+const ROUGH: Effort = Effort { ends: 3, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
 /// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], doubt: 1.0 };
+pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], tries_sizes: true, doubt: 1.0 };
 /// Standard errors from four replicates are themselves uncertain: what is known of a residual is
 /// Student's distribution of three degrees of freedom, whose standard deviation is this.
 const STUDENT: f64 = 1.732_050_8;
@@ -196,12 +198,14 @@ pub fn polish(
         trial.leads = i == leader;
     }
     if let Some(best) = &mut trials[leader].polished {
-        let (at, tried) = try_sizes(whole, &best.u);
-        count += tried;
-        if at != best.u {
-            let moved = settle(whole, &at, None, few, cancelled)?;
-            count += moved.evaluations.len();
-            *best = best.followed_by(&moved);
+        if effort.tries_sizes {
+            let (at, tried) = try_sizes(whole, &best.u);
+            count += tried;
+            if at != best.u {
+                let moved = settle(whole, &at, None, few, cancelled)?;
+                count += moved.evaluations.len();
+                *best = best.followed_by(&moved);
+            }
         }
         let refined = settle(whole, &best.u, Some(&best.estimate), more, cancelled)?;
         count += refined.evaluations.len();
@@ -211,9 +215,8 @@ pub fn polish(
 }
 
 /// Takes the best of some sizes of each light in turn, that which gives most first, from the whole of
-/// its range and at constant flux, and returns what it found with the number of points tried. Over
-/// the size of a light f_q often falls slowly but far: noise holds a descent, but not a glance at
-/// the whole range.
+/// its range and at constant flux, and returns what it found with the number of points tried. Over the size of a light f_q
+/// often falls slowly but far: noise holds a descent that a glance at the whole range does not.
 fn try_sizes(whole: &Evaluator, u: &[f64]) -> (Vec<f64>, usize) {
     let measure = |scratch: &mut Scratch, u: Vec<f64>| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
