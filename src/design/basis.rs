@@ -52,7 +52,8 @@ pub fn optimise(
         let now = own.as_ref().unwrap_or(engine);
         let may_go_on = !cancelled() && !late();
         let step = if disagree {
-            Step::Refocus(now.samples())
+            // As many would let noise choose again.
+            Step::Refocus(2 * now.samples())
         } else {
             let wishes = open.iter().map(|quest| quest.wish(now, spent, setting, may_go_on));
             Step::for_all(&wishes.collect::<Vec<_>>(), now.samples())

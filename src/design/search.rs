@@ -48,7 +48,8 @@ pub struct Effort {
     ends: usize,
     /// Evaluations of each of them, and of the best when it goes on.
     evaluations: [u32; 2],
-    /// Whether the best tries other sizes before it goes on.
+    /// Whether the best tries other sizes before it goes on: not where samples are aimed, for few are
+    /// then far away, and their noise would choose.
     tries_sizes: bool,
     /// Share of the errors that counts when ends are compared.
     doubt: f64,
@@ -57,7 +58,7 @@ pub struct Effort {
 /// Where samples are few: more will tell what is better.
 const ROUGH: Effort = Effort { ends: 3, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
 /// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], tries_sizes: true, doubt: 1.0 };
+pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], tries_sizes: false, doubt: 1.0 };
 /// Standard errors from four replicates are themselves uncertain: what is known of a residual is
 /// Student's distribution of three degrees of freedom, whose standard deviation is this.
 const STUDENT: f64 = 1.732_050_8;
@@ -215,8 +216,9 @@ pub fn polish(
 }
 
 /// Takes the best of some sizes of each light in turn, that which gives most first, from the whole of
-/// its range and at constant flux, and returns what it found with the number of points tried. Over the size of a light f_q
-/// often falls slowly but far: noise holds a descent that a glance at the whole range does not.
+/// its range and at constant flux, and returns what it found with the number of points tried. Over
+/// the size of a light f_q often falls slowly but far: noise holds a descent, but not a glance at
+/// the whole range.
 fn try_sizes(whole: &Evaluator, u: &[f64]) -> (Vec<f64>, usize) {
     let measure = |scratch: &mut Scratch, u: Vec<f64>| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
