@@ -95,7 +95,7 @@ fn descend(evaluator: &Evaluator, term: Term, start: &[f64]) -> Option<Vec<f64>>
     let alone = Evaluator { objective: &objective, ..*evaluator };
     let smoothing = Smoothing::with_delta(5e-3);
     let options = optim::Options { max_evaluations: Some(EVALUATIONS), ..Default::default() };
-    let (mut scratch, n) = (Scratch::default(), start.len());
+    let (mut scratch, n) = (Scratch::of_descent(), start.len());
     let outcome = optim::minimize(start, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
         let f = alone.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);
         ControlFlow::Continue(f)

@@ -24,8 +24,10 @@ pub const REPLICATES: usize = 4;
 const HALVES: usize = 2;
 /// Samples of the first basis, which tells where to look, if nobody says how many.
 const FIRST_SAMPLES: u32 = 8;
-/// Knots of a light's size, and the fewest that memory may leave.
-const KNOTS: usize = 24;
+/// Knots of a light's size; of a basis that is kept, of which nobody knows what will be asked; and
+/// the fewest that memory may leave.
+const KNOTS: usize = 14;
+const KEPT_KNOTS: usize = 24;
 const MIN_KNOTS: usize = 8;
 /// Knots of a basis around what was found: half of them for the whole range, and as many for
 /// what lies within this share of a size found.
@@ -103,7 +105,7 @@ impl Plan {
         let mut plan = Self {
             sizes: sizes.iter().enumerate().map(|(l, s)| s.filter(|_| open(l))).collect(),
             value: largest_value.filter(|_| free(FreeKind::Background)),
-            knots: KNOTS,
+            knots: if options.cache.is_some() { KEPT_KNOTS } else { KNOTS },
             fixed: LightingPoint {
                 radiance: scene.lights.iter().map(|l| f64::from(l.radiance)).collect(),
                 size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
@@ -115,6 +117,7 @@ impl Plan {
             let layouts = [plan.layout(scene, options, None), plan.focused_layout(scene, options)];
             layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>()
         };
+        let wanted = plan.knots;
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
             plan.knots -= 4;
         }
@@ -123,7 +126,7 @@ impl Plan {
             return Err(RunError::Memory { needed: bytes >> 20, allowed: options.memory >> 20 });
         }
         let layout = plan.layout(scene, options, None);
-        let reduced = if plan.knots < KNOTS { ", fewer to fit the memory allowed" } else { "" };
+        let reduced = if plan.knots < wanted { ", fewer to fit the memory allowed" } else { "" };
         reporter.note(&format!(
             "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
              nodes, {REPLICATES} replicates, {} MiB with a finer one, should it be needed",

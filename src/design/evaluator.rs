@@ -1,5 +1,7 @@
 //! f_q of a lighting from the basis, freed of noise bias, with its exact gradient.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use crate::{
@@ -10,7 +12,7 @@ use crate::{
     },
     optim::Moduli,
     params::{ParamVector, VariableKind},
-    transport::{LightingGradient, LightingPoint, Recombination, Tangents, TransportBasis},
+    transport::{LightingGradient, LightingPoint, Linearised, Recombination, Tangents, TransportBasis},
 };
 
 /// Points whose pictures are recombined at a time: their images stay in the caches.
@@ -38,7 +40,8 @@ pub struct Evaluator<'a> {
 
 /// Images of an evaluation, reused from one to the next.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub struct Scratch<'a> {
+    near: Near<'a>,
     /// Linear luminance by replicate, later its adjoint.
     replicates: Vec<Vec<f64>>,
     mean: Vec<f64>,
@@ -48,12 +51,48 @@ pub struct Scratch {
     display: Vec<Vec<f64>>,
     slopes: Vec<Vec<f64>>,
     adjoint: Vec<f64>,
-    adjoints: Vec<Vec<f64>>,
+    /// By what is differentiated, then by replicate.
+    adjoints: Vec<Vec<Vec<f64>>>,
     /// Derivatives of the replicates.
     tangents: Vec<Tangents>,
 }
 
-impl Evaluator<'_> {
+impl Scratch<'_> {
+    /// Of evaluations that follow each other, of which many may have the same value of the
+    /// background. Which they are must not be left to chance: what is found depends on them by
+    /// rounding.
+    #[must_use]
+    pub fn of_descent() -> Self {
+        Self { near: Near { follows: true, ..Near::default() }, ..Self::default() }
+    }
+}
+
+/// What serves evaluations of the same value of the background.
+#[derive(Debug, Default)]
+struct Near<'a> {
+    /// Whether there will be such.
+    follows: bool,
+    /// The last value.
+    last: Option<f64>,
+    linearised: Option<Linearised<'a>>,
+}
+
+impl<'a> Near<'a> {
+    /// The basis to be used for `x`: `whole`, or what that is around a value that was there before.
+    fn basis(&mut self, whole: &'a TransportBasis, x: &LightingPoint) -> &TransportBasis {
+        let again = self.last.replace(x.value) == Some(x.value);
+        if !again || !self.follows || whole.layout().nodes.len() <= 2 {
+            return whole;
+        }
+        let near = match self.linearised.take() {
+            Some(near) if near.value() == x.value => near,
+            _ => Linearised::new(whole, x.value),
+        };
+        self.linearised.insert(near).for_lightings(std::iter::once(x))
+    }
+}
+
+impl<'a> Evaluator<'a> {
     /// The lighting of values `x`.
     #[must_use]
     pub fn lighting(&self, x: &[f64]) -> LightingPoint {
@@ -62,13 +101,11 @@ impl Evaluator<'_> {
 
     /// Images of the replicates, encoded for the display: the mean and the means
     /// that leave one out; with their derivatives if wanted.
-    fn images(&self, x: &LightingPoint, differentiate: bool, scratch: &mut Scratch) {
+    fn images(&self, x: &LightingPoint, differentiate: bool, scratch: &mut Scratch<'a>) {
         let n = self.halves.layout().n_pixels();
         let count = self.halves.n_replicates();
-        for images in [&mut scratch.replicates, &mut scratch.adjoints] {
-            images.resize_with(count, Vec::new);
-            images.iter_mut().for_each(|i| i.resize(n, 0.0));
-        }
+        scratch.replicates.resize_with(count, Vec::new);
+        scratch.replicates.iter_mut().for_each(|i| i.resize(n, 0.0));
         for images in [&mut scratch.display, &mut scratch.slopes] {
             images.resize_with(count + 1, Vec::new);
             images.iter_mut().for_each(|i| i.resize(n, 0.0));
@@ -78,14 +115,15 @@ impl Evaluator<'_> {
         scratch.linear.resize(n, 0.0);
         scratch.adjoint.resize(n, 0.0);
         scratch.tangents.resize_with(count, Tangents::default);
-        let Scratch { replicates, mean, linear, display, slopes, tangents, .. } = scratch;
+        let Scratch { near, replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
-        let r = Recombination::new(self.halves.layout(), x);
+        let basis = near.basis(self.halves, x);
+        let r = Recombination::new(basis.layout(), x);
         for (i, (y, tangents)) in replicates.iter_mut().zip(tangents).enumerate() {
             if differentiate {
-                self.halves.differentiate(i, &r, y, tangents);
+                basis.differentiate(i, &r, y, tangents);
             } else {
-                self.halves.luminance(i, &r, y);
+                basis.luminance(i, &r, y);
             }
             for (m, y) in mean.iter_mut().zip(&*y) {
                 *m += share * y;
@@ -114,12 +152,12 @@ impl Evaluator<'_> {
         u: &[f64],
         smoothing: &Smoothing,
         gradient: Option<&mut [f64]>,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
     ) -> Result<f64, ObjectiveError> {
         let z = self.measure(u, smoothing, gradient.is_some(), scratch)?;
         let (evaluation, dz) = self.objective.terms_with_gradient(&z.corrected, smoothing);
         if let Some(gradient) = gradient {
-            self.pull_back(u, &z, &dz, smoothing, scratch, gradient)?;
+            self.pull_back(u, &z, &[dz], smoothing, scratch, [gradient].into_iter())?;
         }
         Ok(evaluation.f_q)
     }
@@ -133,17 +171,15 @@ impl Evaluator<'_> {
         u: &[f64],
         smoothing: &Smoothing,
         out: &mut Moduli,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
     ) -> Result<(), ObjectiveError> {
         let z = self.measure(u, smoothing, true, scratch)?;
         let Residuals { scalars, hist } = self.objective.residuals(&z.corrected, smoothing);
         out.rest = hist.value;
-        self.pull_back(u, &z, &hist.by_statistics, smoothing, scratch, &mut out.rest_gradient)?;
-        for (i, residual) in scalars.iter().enumerate() {
-            out.residuals[i] = residual.value;
-            self.pull_back(u, &z, &residual.by_statistics, smoothing, scratch, out.gradient_of(i))?;
-        }
-        Ok(())
+        out.residuals = scalars.iter().map(|residual| residual.value).collect();
+        let of_scalars = scalars.into_iter().map(|residual| residual.by_statistics);
+        let dz: Vec<Statistics> = std::iter::once(hist.by_statistics).chain(of_scalars).collect();
+        self.pull_back(u, &z, &dz, smoothing, scratch, out.gradients())
     }
 
     fn measure(
@@ -151,7 +187,7 @@ impl Evaluator<'_> {
         u: &[f64],
         smoothing: &Smoothing,
         differentiate: bool,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
     ) -> Result<Jackknifed, ObjectiveError> {
         let x = self.variables.decode(u);
         self.images(&self.lighting(&x), differentiate, scratch);
@@ -159,46 +195,56 @@ impl Evaluator<'_> {
         self.objective.jackknifed(&scratch.display[0], &one_out, smoothing.ramp)
     }
 
-    /// Carries a gradient `dz` in the statistics `z` of the images in `scratch` back to the
+    /// Carries gradients `dz` in the statistics `z` of the images in `scratch` back to the
     /// variables.
-    fn pull_back(
+    fn pull_back<'g>(
         &self,
         u: &[f64],
         z: &Jackknifed,
-        dz: &Statistics,
+        dz: &[Statistics],
         smoothing: &Smoothing,
-        scratch: &mut Scratch,
-        gradient: &mut [f64],
+        scratch: &mut Scratch<'a>,
+        gradients: impl Iterator<Item = &'g mut [f64]>,
     ) -> Result<(), ObjectiveError> {
         let Scratch { display, slopes, adjoint: common, adjoints, tangents, .. } = scratch;
         let one_out: Vec<&[f64]> = display[1..].iter().map(Vec::as_slice).collect();
-        let out = (common.as_mut_slice(), adjoints.as_mut_slice());
-        self.objective.adjoints((&display[0], &one_out), z, dz, smoothing.ramp, out)?;
-        // Back from the display to each replicate: it is part of the mean, and of
-        // every mean that leaves out another.
-        let count = self.halves.n_replicates() as f64;
-        let rest = 1.0 / (count - 1.0);
-        common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
-        for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
-            for ((a, s), all) in adjoint.iter_mut().zip(slopes).zip(common.iter_mut()) {
-                *a *= s * rest;
-                *all += *a;
+        let layout = self.halves.layout();
+        adjoints.resize_with(dz.len().max(adjoints.len()), Vec::new);
+        for (dz, adjoints) in dz.iter().zip(&mut *adjoints) {
+            adjoints.resize_with(one_out.len(), Vec::new);
+            adjoints.iter_mut().for_each(|image| image.resize(layout.n_pixels(), 0.0));
+            let out = (common.as_mut_slice(), adjoints.as_mut_slice());
+            self.objective.adjoints((&display[0], &one_out), z, dz, smoothing.ramp, out)?;
+            // Back from the display to each replicate: it is part of the mean, and of
+            // every mean that leaves out another.
+            let count = one_out.len() as f64;
+            let rest = 1.0 / (count - 1.0);
+            common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
+            for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
+                for ((a, s), all) in adjoint.iter_mut().zip(slopes).zip(common.iter_mut()) {
+                    *a *= s * rest;
+                    *all += *a;
+                }
+            }
+            for adjoint in &mut *adjoints {
+                adjoint.iter_mut().zip(&*common).for_each(|(a, all)| *a = all - *a);
             }
         }
-        for adjoint in &mut *adjoints {
-            adjoint.iter_mut().zip(&*common).for_each(|(a, all)| *a = all - *a);
+        let mut by_lighting = vec![LightingGradient::zero(layout.lights.len()); dz.len()];
+        for (replicate, tangents) in tangents.iter().enumerate() {
+            let of_replicate: Vec<&[f64]> =
+                adjoints[..dz.len()].iter().map(|of| of[replicate].as_slice()).collect();
+            tangents.pull_back(&of_replicate, &mut by_lighting);
         }
-        let mut by_lighting = LightingGradient::zero(self.halves.layout().lights.len());
-        for (tangents, adjoint) in tangents.iter().zip(&*adjoints) {
-            tangents.pull_back(adjoint, &mut by_lighting);
-        }
-        for ((v, &u), g) in self.variables.variables.iter().zip(u).zip(gradient) {
-            let slope = match v.kind {
-                VariableKind::Radiance(l) => by_lighting.radiance[l],
-                VariableKind::Size(l) => by_lighting.size[l],
-                VariableKind::Background => by_lighting.value,
-            };
-            *g = slope * v.slope(u);
+        for (by_lighting, gradient) in by_lighting.iter().zip(gradients) {
+            for ((v, &u), g) in self.variables.variables.iter().zip(u).zip(gradient) {
+                let slope = match v.kind {
+                    VariableKind::Radiance(l) => by_lighting.radiance[l],
+                    VariableKind::Size(l) => by_lighting.size[l],
+                    VariableKind::Background => by_lighting.value,
+                };
+                *g = slope * v.slope(u);
+            }
         }
         Ok(())
     }
@@ -209,7 +255,7 @@ impl Evaluator<'_> {
     /// # Errors
     /// With fewer than two replicates.
     pub fn estimate(&self, u: &[f64], labellings: usize) -> Result<JackknifeEstimate, ObjectiveError> {
-        Ok(self.estimate_each(&[u], labellings)?.remove(0))
+        Ok(self.estimates(&[u], labellings)?.remove(0))
     }
 
     /// [`Self::estimate`] at many points, in parallel.
@@ -221,31 +267,32 @@ impl Evaluator<'_> {
         points: &[&[f64]],
         labellings: usize,
     ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
-        let parts = points.par_chunks(TOGETHER).map(|part| self.estimate_each(part, labellings));
-        Ok(parts.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
-    }
-
-    fn estimate_each(
-        &self,
-        points: &[&[f64]],
-        labellings: usize,
-    ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
-        self.linear(points).iter().map(|of| self.replicates(of).measure(self.objective, labellings)).collect()
-    }
-
-    /// Linear luminance of all replicates at each of some points.
-    fn linear(&self, points: &[&[f64]]) -> Vec<Vec<Vec<f64>>> {
-        let lighting = |u: &&[f64]| self.lighting(&self.variables.decode(u));
-        let lightings: Vec<Recombination> =
-            points.iter().map(|u| Recombination::new(self.basis.layout(), &lighting(u))).collect();
-        let lightings: Vec<&Recombination> = lightings.iter().collect();
-        let (n, n_replicates) = (self.basis.layout().n_pixels(), self.basis.n_replicates());
-        let mut images = vec![vec![vec![0.0; n]; n_replicates]; points.len()];
-        for i in 0..n_replicates {
-            let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();
-            self.basis.luminances(i, &lightings, &mut out);
+        let lightings: Vec<LightingPoint> =
+            points.iter().map(|u| self.lighting(&self.variables.decode(u))).collect();
+        let mut by_value: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+        for (i, x) in lightings.iter().enumerate() {
+            by_value.entry(x.value.to_bits()).or_default().push(i);
         }
-        images
+        let (alike, others): (Vec<_>, Vec<_>) = by_value.into_values().partition(|of| of.len() > TOGETHER);
+        let others: Vec<usize> = others.concat();
+        let mut linearised: Vec<Linearised> =
+            alike.iter().map(|of| Linearised::new(self.basis, lightings[of[0]].value)).collect();
+        let bases = linearised.iter_mut().zip(&alike);
+        let bases = bases.map(|(near, of)| near.for_lightings(of.iter().map(|&i| &lightings[i])));
+        let parts: Vec<(&TransportBasis, &[usize])> = bases
+            .zip(&alike)
+            .chain([(self.basis, &others)])
+            .flat_map(|(basis, of)| of.chunks(TOGETHER).map(move |part| (basis, part)))
+            .collect();
+        let measure = |&(basis, part): &(&TransportBasis, &[usize])| {
+            let of: Vec<&LightingPoint> = part.iter().map(|&i| &lightings[i]).collect();
+            let images = linear(basis, &of);
+            let measured = images.iter().map(|of| self.replicates(of).measure(self.objective, labellings));
+            part.iter().copied().zip(measured).map(|(i, e)| Ok((i, e?))).collect::<Result<Vec<_>, _>>()
+        };
+        let mut measured = parts.par_iter().map(measure).collect::<Result<Vec<_>, _>>()?.concat();
+        measured.sort_by_key(|(i, _)| *i);
+        Ok(measured.into_iter().map(|(_, e)| e).collect())
     }
 
     fn replicates<'l>(&self, linear: &'l [Vec<f64>]) -> Replicates<'l> {
@@ -261,15 +308,29 @@ impl Evaluator<'_> {
         &self,
         u: &[f64],
         smoothing: &Smoothing,
-        scratch: &mut Scratch,
+        scratch: &mut Scratch<'a>,
     ) -> Result<[f64; N_SCALARS], ObjectiveError> {
         if self.basis.n_replicates() < 3 {
             return Ok([0.0; N_SCALARS]);
         }
         let told = self.measure(u, smoothing, false, scratch)?.corrected;
-        let linear = self.linear(&[u]).remove(0);
+        let x = self.lighting(&self.variables.decode(u));
+        let linear = linear(self.basis, &[&x]).remove(0);
         let known = self.replicates(&linear).second_order(self.objective, smoothing.ramp);
         let [known, told] = [known, told].map(|z| self.objective.residuals(&z, smoothing).scalars);
         Ok(std::array::from_fn(|i| known[i].value - told[i].value))
     }
+}
+
+/// Linear luminance of all replicates of each of some lightings.
+fn linear(basis: &TransportBasis, lightings: &[&LightingPoint]) -> Vec<Vec<Vec<f64>>> {
+    let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(basis.layout(), x)).collect();
+    let of: Vec<&Recombination> = of.iter().collect();
+    let (n, n_replicates) = (basis.layout().n_pixels(), basis.n_replicates());
+    let mut images = vec![vec![vec![0.0; n]; n_replicates]; lightings.len()];
+    for i in 0..n_replicates {
+        let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();
+        basis.luminances(i, &of, &mut out);
+    }
+    images
 }

@@ -164,8 +164,8 @@ pub fn search(
 ///
 /// # Errors
 /// As [`search`].
-pub fn polish(
-    whole: &Evaluator,
+pub fn polish<'a>(
+    whole: &Evaluator<'a>,
     trials: &mut [Trial],
     effort: &Effort,
     cancelled: &(impl Fn() -> bool + Sync),
@@ -173,7 +173,7 @@ pub fn polish(
     let [few, more] = effort.evaluations;
     let at = |t: &Trial| t.polished.as_ref().map_or_else(|| t.end.clone(), |p| Some(p.u.clone()));
     let ends: Vec<_> = trials.iter().enumerate().filter_map(|(i, t)| Some((i, at(t)?))).collect();
-    let measure = |scratch: &mut Scratch, (i, u): (usize, Vec<f64>)| {
+    let measure = |scratch: &mut Scratch<'a>, (i, u): (usize, Vec<f64>)| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
         (i, u, f)
     };
@@ -219,8 +219,8 @@ pub fn polish(
 /// its range and at constant flux, and returns what it found with the number of points tried. Over
 /// the size of a light f_q often falls slowly but far: noise holds a descent, but not a glance at
 /// the whole range.
-fn try_sizes(whole: &Evaluator, u: &[f64]) -> (Vec<f64>, usize) {
-    let measure = |scratch: &mut Scratch, u: Vec<f64>| {
+fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
+    let measure = |scratch: &mut Scratch<'a>, u: Vec<f64>| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
         (u, f)
     };
@@ -259,7 +259,7 @@ fn estimate(whole: &Evaluator, u: &[f64]) -> Result<JackknifeEstimate, OptimErro
 }
 
 /// Smoothed f_q.
-fn value(evaluator: &Evaluator, u: &[f64], delta: f64, scratch: &mut Scratch) -> f64 {
+fn value<'a>(evaluator: &Evaluator<'a>, u: &[f64], delta: f64, scratch: &mut Scratch<'a>) -> f64 {
     evaluator.evaluate(u, &Smoothing::with_delta(delta), None, scratch).unwrap_or(f64::INFINITY)
 }
 
@@ -309,7 +309,7 @@ fn descend(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Vec<f64>, OptimError> {
     let n = start.len();
-    let mut scratch = Scratch::default();
+    let mut scratch = Scratch::of_descent();
     let mut at = start.to_vec();
     for (delta, first_step) in STAGES {
         let smoothing = Smoothing::with_delta(delta);
@@ -356,7 +356,7 @@ fn settle(
     let mut log = Vec::new();
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
-    let mut scratch = Scratch::default();
+    let mut scratch = Scratch::of_descent();
     let (errors, defects) = match known {
         None => ([0.0; N_SCALARS], [0.0; N_SCALARS]),
         Some(estimate) => {

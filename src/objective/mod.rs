@@ -394,7 +394,9 @@ impl Objective {
         let means = [z.mean_obj, z.mean_back];
         let d_mean = [weight * dz.mean_obj, weight * dz.mean_back];
         let d_var = [weight * dz.var_obj, weight * dz.var_back];
-        moments::add_adjoint(l, means, regions, d_mean, d_var, out);
+        if d_mean.iter().chain(&d_var).any(|&d| d != 0.0) {
+            moments::add_adjoint(l, means, regions, d_mean, d_var, out);
+        }
         if dz.grad2 != 0.0 {
             gradient::add_adjoint(l, regions, weight * dz.grad2, out);
         }

@@ -54,29 +54,31 @@ impl Replicates<'_> {
         for y in self.linear {
             mean.iter_mut().zip(y).for_each(|(m, y)| *m += y / replicates as f64);
         }
-        let (mut display, mut slopes) = (vec![0.0; n], vec![0.0; n]);
-        let mut statistics = |y: &[f64]| -> Statistics {
+        let mut slopes = vec![0.0; n];
+        let mut display = |y: &[f64]| {
+            let mut display = vec![0.0; n];
             self.luminance.encode_all(y, self.exposure, &mut display, &mut slopes);
-            objective.statistics(&display, Ramp::Linear)
+            display
         };
-        let full = statistics(&mean);
-        let mut one_out = vec![0.0; n];
+        let full = objective.statistics(&display(&mean), Ramp::Linear);
         let (all, rest) = (replicates as f64, 1.0 / (replicates as f64 - 1.0));
-        let as_they_are = self.linear.iter().map(|left_out| {
-            for ((left, m), y) in one_out.iter_mut().zip(&mean).zip(left_out) {
+        let mut left = vec![0.0; n];
+        let one_out = self.linear.iter().map(|left_out| {
+            for ((left, m), y) in left.iter_mut().zip(&mean).zip(left_out) {
                 *left = (all * m - y) * rest;
             }
-            statistics(&one_out)
+            display(&left)
         });
-        let first: Vec<Statistics> = as_they_are.collect();
+        let one_out: Vec<Vec<f64>> = one_out.collect();
+        let first = one_out.iter().map(|display| objective.statistics(display, Ramp::Linear)).collect();
         let relabelled = (1..labellings).map(|labelling| {
             let shifts: Vec<usize> = (0..n).map(|p| shift(labelling, p, replicates)).collect();
             (0..replicates)
                 .map(|r| {
-                    for (p, (left, shift)) in one_out.iter_mut().zip(&shifts).enumerate() {
-                        *left = (all * mean[p] - self.linear[(r + shift) % replicates][p]) * rest;
+                    for (p, (left, shift)) in left.iter_mut().zip(&shifts).enumerate() {
+                        *left = one_out[(r + shift) % replicates][p];
                     }
-                    statistics(&one_out)
+                    objective.statistics(&left, Ramp::Linear)
                 })
                 .collect()
         });

@@ -9,6 +9,8 @@ use multiversion::multiversion;
 /// Numbers handled at a time: few enough for the registers and the first cache level, so
 /// many that the inner loops become vector instructions.
 const LANES: usize = 64;
+/// Numbers that several others are multiplied with while they stay in the first cache level.
+const BLOCK: usize = 512;
 
 /// `out[p] = Σ_i weights[i] · table[rows[i]][p]`.
 #[multiversion(targets = "simd")]
@@ -98,14 +100,33 @@ pub(super) fn transpose(from: &[f32], width: usize, to: &mut [f32], is_first: bo
     }
 }
 
+/// Adds `Σ_p a[p] · b[i][p]` to `sums[i]`; `a` is read from memory once.
+pub(super) fn add_dots(a: &[f64], b: &[&[f64]], sums: &mut [f64]) {
+    for (i, a) in a.chunks(BLOCK).enumerate() {
+        for (b, sum) in b.iter().zip(&mut *sums) {
+            *sum += dot(a, &b[i * BLOCK..][..a.len()]);
+        }
+    }
+}
+
 /// `Σ_p a[p] · b[p]`.
 #[multiversion(targets = "simd")]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0_f64; LANES];
     for (a, b) in a.chunks(LANES).zip(b.chunks(LANES)) {
         for ((a, b), sum) in a.iter().zip(b).zip(&mut sums) {
             *sum += a * b;
         }
+    }
+    sums.iter().sum()
+}
+
+/// `Σ_p a[p]`.
+#[multiversion(targets = "simd")]
+pub(super) fn sum(a: &[f32]) -> f64 {
+    let mut sums = [0.0_f64; LANES];
+    for a in a.chunks(LANES) {
+        a.iter().zip(&mut sums).for_each(|(&a, sum)| *sum += f64::from(a));
     }
     sums.iter().sum()
 }

@@ -20,6 +20,7 @@
 mod film;
 mod kernels;
 pub mod knots;
+mod linearised;
 pub mod nodes;
 mod recombine;
 pub mod store;
@@ -35,6 +36,7 @@ use crate::{
 
 pub use film::BasisFilm;
 pub use knots::Knots;
+pub use linearised::Linearised;
 pub use nodes::ValueNodes;
 pub use recombine::{LightingGradient, LightingPoint, Recombination, Tangents};
 

@@ -7,7 +7,7 @@
 //! v_k = v_max (1 + cos(πk/(n−1)))/2, the Chebyshev points with both ends. Between
 //! the nodes Lagrange's formula is exact.
 
-/// The nodes at which light is carried; the first is the largest value.
+/// The nodes at which light is carried; in a basis that is rendered the first is the largest value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ValueNodes(Vec<f64>);
 
@@ -20,6 +20,12 @@ impl ValueNodes {
             _ => 0.5 * largest * (1.0 + (std::f64::consts::PI * k as f64 / (n - 1) as f64).cos()),
         };
         Self((0..n).map(node).collect())
+    }
+
+    /// Two nodes that hold a tangent at `value`: the value there, and 1 further on.
+    #[must_use]
+    pub(super) fn tangent(value: f64) -> Self {
+        Self(vec![value, value + 1.0])
     }
 
     /// Number of nodes.

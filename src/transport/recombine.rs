@@ -65,13 +65,19 @@ impl LightingGradient {
 }
 
 impl Tangents {
-    /// Adds the derivatives of Σ_p `adjoint[p]` · luminance(p) to `gradient`.
-    pub fn pull_back(&self, adjoint: &[f64], gradient: &mut LightingGradient) {
+    /// Adds the derivatives of every Σ_p `adjoints[i][p]` · luminance(p) to `gradients[i]`.
+    pub fn pull_back(&self, adjoints: &[&[f64]], gradients: &mut [LightingGradient]) {
+        let mut sums = vec![0.0; adjoints.len()];
+        let mut add = |tangent: &[f64], to: fn(&mut LightingGradient, usize) -> &mut f64, light: usize| {
+            sums.fill(0.0);
+            kernels::add_dots(tangent, adjoints, &mut sums);
+            gradients.iter_mut().zip(&sums).for_each(|(gradient, sum)| *to(gradient, light) += sum);
+        };
         for (l, [by_radiance, by_size]) in self.lights.iter().enumerate() {
-            gradient.radiance[l] += kernels::dot(by_radiance, adjoint);
-            gradient.size[l] += kernels::dot(by_size, adjoint);
+            add(by_radiance, |gradient, l| &mut gradient.radiance[l], l);
+            add(by_size, |gradient, l| &mut gradient.size[l], l);
         }
-        gradient.value += kernels::dot(&self.value, adjoint);
+        add(&self.value, |gradient, _| &mut gradient.value, 0);
     }
 }
 
@@ -115,6 +121,12 @@ impl Recombination {
         }
         Self { entries, radiance: x.radiance.clone() }
     }
+
+    /// The cells of `layout` that are read.
+    pub(super) fn cells(&self, layout: &Layout) -> impl Iterator<Item = usize> {
+        let n_nodes = layout.nodes.len();
+        self.entries.iter().step_by(n_nodes).map(move |e| e.row / n_nodes)
+    }
 }
 
 impl TransportBasis {
@@ -143,7 +155,7 @@ impl TransportBasis {
         }
     }
 
-    fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.layout.size.x as usize
     }
 
@@ -192,8 +204,7 @@ impl TransportBasis {
         let width = self.width();
         for e in &r.entries {
             let row = |table: &Vec<f32>, y| -> f64 {
-                let row = &self.line(table, 1, y)[e.row * width..][..width];
-                row.iter().map(|&v| f64::from(v)).sum()
+                kernels::sum(&self.line(table, 1, y)[e.row * width..][..width])
             };
             let of = |table| (0..self.layout.size.y as usize).map(|y| row(table, y)).sum::<f64>();
             let row: f64 = self.luminance.iter().map(of).sum();

@@ -12,8 +12,8 @@ use lightopt_embree::{
     sampler::SamplerKind,
     scene::{Scene, material::Model},
     transport::{
-        Knots, Layout, LightingGradient, LightingPoint, Recombination, SizeBins, Source, Tangents,
-        TransportBasis, ValueNodes,
+        Knots, Layout, LightingGradient, LightingPoint, Linearised, Recombination, SizeBins, Source,
+        Tangents, TransportBasis, ValueNodes,
     },
 };
 
@@ -346,6 +346,59 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     (worst, deviate(&|i| i.iter().sum(), 0.0))
 }
 
+/// The images of a lighting, and the derivatives of the sum of their products with `adjoints`.
+fn differentiated(
+    basis: &TransportBasis,
+    x: &LightingPoint,
+    adjoints: &[Vec<f64>],
+) -> (Vec<Vec<f64>>, LightingGradient) {
+    let r = Recombination::new(basis.layout(), x);
+    let mut g = [LightingGradient::zero(x.radiance.len())];
+    let mut tangents = Tangents::default();
+    let of_replicate = |(i, adjoint): (usize, &Vec<f64>)| {
+        let mut image = vec![0.0; basis.layout().n_pixels()];
+        basis.differentiate(i, &r, &mut image, &mut tangents);
+        tangents.pull_back(&[adjoint], &mut g);
+        image
+    };
+    let images = adjoints.iter().enumerate().map(of_replicate).collect();
+    let [g] = g;
+    (images, g)
+}
+
+#[test]
+fn around_a_value_the_linearised_basis_is_the_basis() {
+    let mut scene = scene();
+    let layout = layout(&mut scene, BDPT.max_depth);
+    let mut basis = TransportBasis::new(layout, 2);
+    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 8 };
+    basis.render(source, 2, &()).unwrap();
+    let mut random = Random::new(&[44]);
+    let n = basis.layout().n_pixels();
+    let adjoints: Vec<Vec<f64>> =
+        (0..2).map(|_| (0..n).map(|_| f64::from(random.range(-1.0, 1.0))).collect()).collect();
+    for value_at in [0.0, 0.4, f64::from(LARGEST_VALUE)] {
+        let mut linearised = Linearised::new(&basis, value_at);
+        // One after the other: cells are added to those that are there.
+        for _ in 0..3 {
+            let x = random_lighting(&scene, &mut random, value_at);
+            let (images, g) = differentiated(&basis, &x, &adjoints);
+            let near = linearised.for_lightings(std::iter::once(&x));
+            let (near_images, near_g) = differentiated(near, &x, &adjoints);
+            let brightest = images.iter().flatten().fold(0.0_f64, |m, v| m.max(*v));
+            for (a, b) in images.iter().flatten().zip(near_images.iter().flatten()) {
+                assert!((a - b).abs() < 1e-6 * brightest, "{value_at}: {a} {b}");
+            }
+            let all = |g: &LightingGradient| [&g.radiance[..], &g.size[..], &[g.value]].concat();
+            let (g, near_g) = (all(&g), all(&near_g));
+            let scale = g.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            for (a, b) in g.iter().zip(&near_g) {
+                assert!((a - b).abs() < 1e-5 * scale, "{value_at}: {g:?} {near_g:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn derivatives_are_those_of_the_recombination() {
     let mut scene = scene();
@@ -363,13 +416,7 @@ fn derivatives_are_those_of_the_recombination() {
     };
     for value_at in [0.0, 0.4, f64::from(LARGEST_VALUE)] {
         let x = random_lighting(&scene, &mut random, value_at);
-        let r = Recombination::new(basis.layout(), &x);
-        let mut g = LightingGradient::zero(scene.lights.len());
-        let (mut image, mut tangents) = (vec![0.0; n], Tangents::default());
-        for (i, adjoint) in adjoints.iter().enumerate() {
-            basis.differentiate(i, &r, &mut image, &mut tangents);
-            tangents.pull_back(adjoint, &mut g);
-        }
+        let (_, g) = differentiated(&basis, &x, &adjoints);
         let scale = g.radiance.iter().map(|v| v.abs()).fold(0.0, f64::max);
         let check = |what: &str, found: f64, at: &dyn Fn(f64) -> LightingPoint| {
             let h = 1e-5;
