@@ -12,7 +12,9 @@ use crate::{
     },
     optim::Moduli,
     params::{ParamVector, VariableKind},
-    transport::{LightingGradient, LightingPoint, Linearised, Recombination, Tangents, TransportBasis},
+    transport::{
+        LightingGradient, LightingPoint, Linearised, Recombination, Tables, Tangents, TransportBasis,
+    },
 };
 
 /// Points whose pictures are recombined at a time: their images stay in the caches.
@@ -78,17 +80,18 @@ struct Near<'a> {
 }
 
 impl<'a> Near<'a> {
-    /// The basis to be used for `x`: `whole`, or what that is around a value that was there before.
-    fn basis(&mut self, whole: &'a TransportBasis, x: &LightingPoint) -> &TransportBasis {
+    /// The tables for `x`: `whole`, or what that is around a value that was there before.
+    fn tables(&mut self, whole: &'a TransportBasis, x: &LightingPoint) -> &dyn Tables {
         let again = self.last.replace(x.value) == Some(x.value);
         if !again || !self.follows || whole.layout().nodes.len() <= 2 {
             return whole;
         }
-        let near = match self.linearised.take() {
-            Some(near) if near.value() == x.value => near,
-            _ => Linearised::new(whole, x.value),
-        };
-        self.linearised.insert(near).for_lightings(std::iter::once(x))
+        if self.linearised.as_ref().is_none_or(|near| near.value() != x.value) {
+            self.linearised = None;
+        }
+        let near = self.linearised.get_or_insert_with(|| Linearised::new(whole, x.value));
+        near.prepare(x);
+        near
     }
 }
 
@@ -117,13 +120,13 @@ impl<'a> Evaluator<'a> {
         scratch.tangents.resize_with(count, Tangents::default);
         let Scratch { near, replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
-        let basis = near.basis(self.halves, x);
-        let r = Recombination::new(basis.layout(), x);
+        let tables = near.tables(self.halves, x);
+        let r = Recombination::new(tables.layout(), x);
         for (i, (y, tangents)) in replicates.iter_mut().zip(tangents).enumerate() {
             if differentiate {
-                basis.differentiate(i, &r, y, tangents);
+                tables.differentiate(i, &r, y, tangents);
             } else {
-                basis.luminance(i, &r, y);
+                tables.luminance(i, &r, y);
             }
             for (m, y) in mean.iter_mut().zip(&*y) {
                 *m += share * y;
@@ -275,18 +278,20 @@ impl<'a> Evaluator<'a> {
         }
         let (alike, others): (Vec<_>, Vec<_>) = by_value.into_values().partition(|of| of.len() > TOGETHER);
         let others: Vec<usize> = others.concat();
-        let mut linearised: Vec<Linearised> =
-            alike.iter().map(|of| Linearised::new(self.basis, lightings[of[0]].value)).collect();
-        let bases = linearised.iter_mut().zip(&alike);
-        let bases = bases.map(|(near, of)| near.for_lightings(of.iter().map(|&i| &lightings[i])));
-        let parts: Vec<(&TransportBasis, &[usize])> = bases
-            .zip(&alike)
-            .chain([(self.basis, &others)])
-            .flat_map(|(basis, of)| of.chunks(TOGETHER).map(move |part| (basis, part)))
+        let linearised = alike.iter().map(|of| {
+            let mut near = Linearised::new(self.basis, lightings[of[0]].value);
+            of.iter().for_each(|&i| near.prepare(&lightings[i]));
+            near
+        });
+        let linearised: Vec<Linearised> = linearised.collect();
+        let tables = linearised.iter().map(|near| near as &dyn Tables).chain([self.basis as &dyn Tables]);
+        let parts: Vec<(&dyn Tables, &[usize])> = tables
+            .zip(alike.iter().chain([&others]))
+            .flat_map(|(tables, of)| of.chunks(TOGETHER).map(move |part| (tables, part)))
             .collect();
-        let measure = |&(basis, part): &(&TransportBasis, &[usize])| {
+        let measure = |&(tables, part): &(&dyn Tables, &[usize])| {
             let of: Vec<&LightingPoint> = part.iter().map(|&i| &lightings[i]).collect();
-            let images = linear(basis, &of);
+            let images = linear(tables, &of);
             let measured = images.iter().map(|of| self.replicates(of).measure(self.objective, labellings));
             part.iter().copied().zip(measured).map(|(i, e)| Ok((i, e?))).collect::<Result<Vec<_>, _>>()
         };
@@ -323,14 +328,14 @@ impl<'a> Evaluator<'a> {
 }
 
 /// Linear luminance of all replicates of each of some lightings.
-fn linear(basis: &TransportBasis, lightings: &[&LightingPoint]) -> Vec<Vec<Vec<f64>>> {
-    let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(basis.layout(), x)).collect();
+fn linear(tables: &dyn Tables, lightings: &[&LightingPoint]) -> Vec<Vec<Vec<f64>>> {
+    let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(tables.layout(), x)).collect();
     let of: Vec<&Recombination> = of.iter().collect();
-    let (n, n_replicates) = (basis.layout().n_pixels(), basis.n_replicates());
+    let (n, n_replicates) = (tables.layout().n_pixels(), tables.n_replicates());
     let mut images = vec![vec![vec![0.0; n]; n_replicates]; lightings.len()];
     for i in 0..n_replicates {
         let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();
-        basis.luminances(i, &of, &mut out);
+        tables.luminances(i, &of, &mut out);
     }
     images
 }

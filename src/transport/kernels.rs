@@ -12,12 +12,12 @@ const LANES: usize = 64;
 /// Numbers that several others are multiplied with while they stay in the first cache level.
 const BLOCK: usize = 512;
 
-/// `out[p] = Σ_i weights[i] · table[rows[i]][p]`.
+/// `out[p] = Σ_i weights[i] · rows[i][p]`.
 #[multiversion(targets = "simd")]
-pub(super) fn combine(table: &[f32], rows: &[usize], weights: &[f64], out: &mut [f64]) {
+pub(super) fn combine(rows: &[&[f32]], weights: &[f64], out: &mut [f64]) {
     let n = out.len();
     out.fill(0.0);
-    let row = |i: usize| &table[rows[i] * n..][..n];
+    let row = |i: usize| &rows[i][..n];
     let (mut groups, mut i) = (weights.chunks_exact(4), 0);
     for w in &mut groups {
         let [a, b, c, d] = [row(i), row(i + 1), row(i + 2), row(i + 3)];
@@ -35,18 +35,17 @@ pub(super) fn combine(table: &[f32], rows: &[usize], weights: &[f64], out: &mut 
     }
 }
 
-/// `out[k][p] = Σ_i weights[i][k] · table[rows[i]][p]`, the rows read once; the last of the three
+/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]`, the rows read once; the last of the three
 /// is added to what is there.
 #[multiversion(targets = "simd")]
-pub(super) fn combine_thrice(table: &[f32], rows: &[usize], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
+pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
     let [a, b, c] = out;
     a.fill(0.0);
     b.fill(0.0);
     let n = a.len();
     let (a, b, c) = (&mut a[..n], &mut b[..n], &mut c[..n]);
-    let row = |i: usize| &table[i * n..][..n];
     for (rows, w) in rows.chunks(2).zip(weights.chunks(2)) {
-        let (first, second) = (row(rows[0]), row(rows[rows.len() - 1]));
+        let (first, second) = (&rows[0][..n], &rows[rows.len() - 1][..n]);
         let (u, v) = (w[0], if w.len() > 1 { w[1] } else { [0.0; 3] });
         for p in 0..n {
             let (x, y) = (f64::from(first[p]), f64::from(second[p]));

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Layout, LightingPoint, Recombination, TransportBasis, ValueNodes, kernels};
+use super::{Layout, LightingPoint, Recombination, Tables, TransportBasis, ValueNodes, kernels};
 
 /// What a basis is to the first order around one value of the background: light's polynomials are
 /// evaluated once, for the cells that are asked for, and not in every picture. Pictures of lightings
@@ -11,9 +11,9 @@ use super::{Layout, LightingPoint, Recombination, TransportBasis, ValueNodes, ke
 pub struct Linearised<'b> {
     of: &'b TransportBasis,
     value: f64,
-    basis: TransportBasis,
-    /// By cell.
-    known: Vec<bool>,
+    layout: Layout,
+    /// By cell and replicate: `[node][y][x]`; empty of cells that nobody asked for.
+    cells: Vec<Vec<Vec<f32>>>,
 }
 
 impl<'b> Linearised<'b> {
@@ -21,10 +21,7 @@ impl<'b> Linearised<'b> {
     #[must_use]
     pub fn new(of: &'b TransportBasis, value: f64) -> Self {
         let layout = Layout { nodes: ValueNodes::tangent(value), ..of.layout.clone() };
-        let table = || vec![0.0; layout.n_rows() * layout.n_pixels()];
-        let luminance = of.luminance.iter().map(|_| table()).collect();
-        let known = vec![false; layout.n_cells()];
-        Self { value, basis: TransportBasis { luminance, colour: Vec::new(), layout, ..*of }, known, of }
+        Self { of, value, cells: vec![Vec::new(); layout.n_cells()], layout }
     }
 
     /// The value.
@@ -33,48 +30,57 @@ impl<'b> Linearised<'b> {
         self.value
     }
 
-    /// The basis for such lightings, which must be of its value; without colour.
-    pub fn for_lightings<'x>(
-        &mut self,
-        lightings: impl Iterator<Item = &'x LightingPoint>,
-    ) -> &TransportBasis {
-        let mut missing = Vec::new();
-        for x in lightings {
-            for cell in Recombination::new(&self.basis.layout, x).cells(&self.basis.layout) {
-                if !std::mem::replace(&mut self.known[cell], true) {
-                    missing.push(cell);
-                }
-            }
+    /// Makes what a lighting of its value needs.
+    pub fn prepare(&mut self, x: &LightingPoint) {
+        let missing: Vec<usize> = Recombination::new(&self.layout, x)
+            .cells(&self.layout)
+            .filter(|&c| self.cells[c].is_empty())
+            .collect();
+        let made: Vec<Vec<Vec<f32>>> = missing.par_iter().map(|&cell| self.make(cell)).collect();
+        for (cell, images) in missing.into_iter().zip(made) {
+            self.cells[cell] = images;
         }
-        if !missing.is_empty() {
-            self.add(&missing);
-        }
-        &self.basis
     }
 
-    fn add(&mut self, cells: &[usize]) {
-        let Self { of, value, basis, .. } = self;
-        let (width, n_rows) = (basis.width(), basis.layout.n_rows());
-        let n_nodes = of.layout.nodes.len();
-        let (values, slopes) = of.layout.nodes.weights(*value);
+    fn make(&self, cell: usize) -> Vec<Vec<f32>> {
+        let (n_nodes, n_pixels) = (self.of.layout.nodes.len(), self.layout.n_pixels());
+        let width = self.layout.size.x as usize;
+        let (values, slopes) = self.of.layout.nodes.weights(self.value);
         // At the second node: along the tangent by 1.
         let ahead: Vec<f64> = values.iter().zip(slopes).map(|(v, slope)| v + slope).collect();
-        for (table, of_table) in basis.luminance.iter_mut().zip(&of.luminance) {
-            let lines = table.par_chunks_exact_mut(n_rows * width).enumerate();
-            lines.for_each_init(
-                || vec![0.0; width],
-                |sum, (y, line)| {
-                    let from = of.line(of_table, 1, y);
-                    for &cell in cells {
-                        let rows: Vec<usize> = (cell * n_nodes..(cell + 1) * n_nodes).collect();
-                        let to = line[2 * cell * width..][..2 * width].chunks_exact_mut(width);
-                        for (weights, to) in [&values, &ahead].into_iter().zip(to) {
-                            kernels::combine(from, &rows, weights, sum);
-                            to.iter_mut().zip(&*sum).for_each(|(to, &v)| *to = v as f32);
-                        }
-                    }
-                },
-            );
-        }
+        let mut sum = vec![0.0; width];
+        let of_replicate = |replicate| {
+            let mut images = vec![0.0; 2 * n_pixels];
+            let (here, further) = images.split_at_mut(n_pixels);
+            for (y, to) in here.chunks_mut(width).zip(further.chunks_mut(width)).enumerate() {
+                let rows = cell * n_nodes..(cell + 1) * n_nodes;
+                let rows: Vec<&[f32]> = rows.map(|row| self.of.row(replicate, row, y)).collect();
+                for (weights, to) in [(&values, to.0), (&ahead, to.1)] {
+                    kernels::combine(&rows, weights, &mut sum);
+                    to.iter_mut().zip(&sum).for_each(|(to, &v)| *to = v as f32);
+                }
+            }
+            images
+        };
+        (0..self.of.n_replicates()).map(of_replicate).collect()
+    }
+}
+
+impl Tables for Linearised<'_> {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    fn n_replicates(&self) -> usize {
+        self.of.n_replicates()
+    }
+
+    fn n_samples(&self) -> u32 {
+        self.of.n_samples()
+    }
+
+    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32] {
+        let width = self.layout.size.x as usize;
+        &self.cells[row / 2][replicate][row % 2 * self.layout.n_pixels() + y * width..][..width]
     }
 }

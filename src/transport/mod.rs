@@ -38,7 +38,7 @@ pub use film::BasisFilm;
 pub use knots::Knots;
 pub use linearised::Linearised;
 pub use nodes::ValueNodes;
-pub use recombine::{LightingGradient, LightingPoint, Recombination, Tangents};
+pub use recombine::{LightingGradient, LightingPoint, Recombination, Tables, Tangents};
 
 /// Channels in the table of colour: red and blue.
 const COLOURS: usize = 2;

@@ -129,15 +129,28 @@ impl Recombination {
     }
 }
 
-impl TransportBasis {
+/// Tables from which images are recombined.
+pub trait Tables: Sync {
+    /// What is kept apart.
+    fn layout(&self) -> &Layout;
+
+    /// Number of replicates.
+    fn n_replicates(&self) -> usize;
+
+    /// Samples per pixel of each replicate, by their weights.
+    fn n_samples(&self) -> u32;
+
+    /// Sums of luminance of a replicate in a cell and node, `row`, along a row `y` of pixels.
+    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32];
+
     /// Linear luminance of a replicate, into `out`.
-    pub fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
+    fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
         self.luminances(replicate, &[r], &mut [out]);
     }
 
     /// As [`Self::luminance`] for several lightings: those alike read the same rows, which are
     /// then fetched from memory once.
-    pub fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
+    fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
         let weighted: Vec<(Vec<usize>, Vec<f64>)> = lightings
             .iter()
@@ -146,48 +159,40 @@ impl TransportBasis {
                 shining.map(|e| (e.row, e.weight * scale)).unzip()
             })
             .collect();
-        let width = self.width();
-        for y in 0..self.layout.size.y as usize {
-            let line = self.line(&self.luminance[replicate], 1, y);
+        let width = self.layout().size.x as usize;
+        let mut lines = Vec::new();
+        for y in 0..self.layout().size.y as usize {
             for ((rows, weights), out) in weighted.iter().zip(&mut *out) {
-                kernels::combine(line, rows, weights, &mut out[y * width..][..width]);
+                lines.clear();
+                lines.extend(rows.iter().map(|&row| self.row(replicate, row, y)));
+                kernels::combine(&lines, weights, &mut out[y * width..][..width]);
             }
         }
     }
 
-    pub(super) fn width(&self) -> usize {
-        self.layout.size.x as usize
-    }
-
     /// Linear luminance of a replicate and its derivatives, into `out` and `tangents`.
-    pub fn differentiate(
-        &self,
-        replicate: usize,
-        r: &Recombination,
-        out: &mut [f64],
-        tangents: &mut Tangents,
-    ) {
+    fn differentiate(&self, replicate: usize, r: &Recombination, out: &mut [f64], tangents: &mut Tangents) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
+        let width = self.layout().size.x as usize;
         tangents.lights.resize_with(r.radiance.len(), Default::default);
         tangents.value.clear();
         tangents.value.resize(out.len(), 0.0);
         out.fill(0.0);
-        let mut first = 0;
+        let (mut first, mut lines) = (0, Vec::new());
         for (l, images) in tangents.lights.iter_mut().enumerate() {
             let n = r.entries[first..].iter().take_while(|e| e.light == l).count();
             let entries = &r.entries[first..first + n];
             first += n;
             images.iter_mut().for_each(|image| image.resize(out.len(), 0.0));
-            let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
             let weights: Vec<[f64; 3]> =
                 entries.iter().map(|e| [e.by_radiance, e.by_size, e.by_value].map(|w| scale * w)).collect();
             let [by_radiance, by_size] = &mut *images;
-            let lines =
-                [by_radiance, by_size, &mut tangents.value].map(|image| image.chunks_mut(self.width()));
-            let [by_radiance, by_size, by_value] = lines;
+            let [by_radiance, by_size, by_value] =
+                [by_radiance, by_size, &mut tangents.value].map(|image| image.chunks_mut(width));
             for (y, ((a, b), c)) in by_radiance.zip(by_size).zip(by_value).enumerate() {
-                let line = self.line(&self.luminance[replicate], 1, y);
-                kernels::combine_thrice(line, &rows, &weights, [a, b, c]);
+                lines.clear();
+                lines.extend(entries.iter().map(|e| self.row(replicate, e.row, y)));
+                kernels::combine_thrice(&lines, &weights, [a, b, c]);
             }
             // Luminance is linear in each radiance.
             for (y, d) in out.iter_mut().zip(&images[0]) {
@@ -195,20 +200,41 @@ impl TransportBasis {
             }
         }
     }
+}
+
+impl Tables for TransportBasis {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    fn n_replicates(&self) -> usize {
+        self.luminance.len()
+    }
+
+    fn n_samples(&self) -> u32 {
+        self.n_samples
+    }
+
+    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32] {
+        &self.line(&self.luminance[replicate], 1, y)[row * self.width()..][..self.width()]
+    }
+}
+
+impl TransportBasis {
+    fn width(&self) -> usize {
+        self.layout.size.x as usize
+    }
 
     /// The share of each light in the mean luminance of a lighting; all 0 in the dark.
     #[must_use]
     pub fn shares(&self, x: &LightingPoint) -> Vec<f64> {
         let r = Recombination::new(&self.layout, x);
         let mut sums = vec![0.0_f64; x.radiance.len()];
-        let width = self.width();
         for e in &r.entries {
-            let row = |table: &Vec<f32>, y| -> f64 {
-                kernels::sum(&self.line(table, 1, y)[e.row * width..][..width])
+            let of = |replicate| -> f64 {
+                (0..self.layout.size.y as usize).map(|y| kernels::sum(self.row(replicate, e.row, y))).sum()
             };
-            let of = |table| (0..self.layout.size.y as usize).map(|y| row(table, y)).sum::<f64>();
-            let row: f64 = self.luminance.iter().map(of).sum();
-            sums[e.light] += e.weight * row;
+            sums[e.light] += e.weight * (0..self.n_replicates()).map(of).sum::<f64>();
         }
         sums.iter_mut().for_each(|s| *s = s.max(0.0));
         let total: f64 = sums.iter().sum();
@@ -228,19 +254,21 @@ impl TransportBasis {
                 r.entries.iter().filter(|e| e.light == light && e.weight != 0.0).collect();
             let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
             let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
-            let of_colour = |channel: usize| -> Vec<usize> {
-                rows.iter().map(|row| (row / n_nodes * COLOURS + channel) * n_nodes + row % n_nodes).collect()
-            };
-            let colours: [Vec<usize>; COLOURS] = std::array::from_fn(of_colour);
+            let width = self.width();
             let mut picture = vec![[0.0_f32; 3]; n];
-            let [mut red, mut blue, mut one, mut sum] = std::array::from_fn(|_| vec![0.0; self.width()]);
-            for (y, line) in picture.chunks_mut(self.width()).enumerate() {
-                for (rows, out) in colours.iter().zip([&mut red, &mut blue]) {
-                    kernels::combine(self.line(&self.colour, COLOURS, y), rows, &weights, out);
+            let [mut red, mut blue, mut one, mut sum] = std::array::from_fn(|_| vec![0.0; width]);
+            for (y, line) in picture.chunks_mut(width).enumerate() {
+                let colours = self.line(&self.colour, COLOURS, y);
+                for (channel, out) in [&mut red, &mut blue].into_iter().enumerate() {
+                    let row = |row: usize| (row / n_nodes * COLOURS + channel) * n_nodes + row % n_nodes;
+                    let lines: Vec<&[f32]> =
+                        rows.iter().map(|&r| &colours[row(r) * width..][..width]).collect();
+                    kernels::combine(&lines, &weights, out);
                 }
                 sum.fill(0.0);
-                for table in &self.luminance {
-                    kernels::combine(self.line(table, 1, y), &rows, &weights, &mut one);
+                for replicate in 0..self.n_replicates() {
+                    let lines: Vec<&[f32]> = rows.iter().map(|&row| self.row(replicate, row, y)).collect();
+                    kernels::combine(&lines, &weights, &mut one);
                     sum.iter_mut().zip(&one).for_each(|(sum, v)| *sum += v);
                 }
                 let [to_red, to_green, to_blue] = LUMINANCE_WEIGHTS;
