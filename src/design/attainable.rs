@@ -73,7 +73,14 @@ pub fn reach(
         .flatten()
         .chain([found.to_vec()])
         .collect();
-    let mut measured = measure(whole, candidates)?;
+    // Many are best for several terms.
+    let mut different: Vec<Vec<f64>> = Vec::new();
+    for u in candidates {
+        if !different.contains(&u) {
+            different.push(u);
+        }
+    }
+    let mut measured = measure(whole, different)?;
     let best = measured.iter().min_by(|a, b| a.1.get(Term::Hist).f.total_cmp(&b.1.get(Term::Hist).f));
     let last = best.and_then(|(u, _)| descend(whole, Term::Hist, u));
     measured.extend(measure(whole, last.into_iter().collect())?);

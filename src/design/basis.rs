@@ -189,7 +189,7 @@ fn aims(quests: &[Quest], now: &Engine, setting: &Setting, power: f64) -> Vec<Ai
         let share = precision.needed(&quest.best.estimate).clamp(0.1, 10.0).powf(power);
         now.aim(now.lighting(setting.variables, &quest.best.u), share)
     };
-    quests.iter().map(aim).collect()
+    quests.par_iter().map(aim).collect()
 }
 
 /// Renders what was found with samples that chose nothing: a share of those that found it, and

@@ -331,7 +331,8 @@ impl Engine {
     /// A lighting at which samples are aimed, in proportion to `share`.
     #[must_use]
     pub fn aim(&self, lighting: LightingPoint, share: f64) -> Aim {
-        let weights: Vec<f64> = self.basis.shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt()).collect();
+        let weights: Vec<f64> =
+            self.halves().shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt()).collect();
         let scale = share / weights.iter().sum::<f64>();
         Aim { lighting, weights: weights.into_iter().map(|w| (w * scale) as f32).collect() }
     }

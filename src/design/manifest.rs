@@ -82,9 +82,12 @@ pub fn content(scene_path: &Path) -> String {
         .iter()
         .filter_map(|p| std::fs::read(p).ok())
         .map(|bytes| {
-            let words: Vec<u64> = bytes
-                .chunks(8)
-                .map(|c| c.iter().fold(0, |word, &b| word << 8 | u64::from(b)))
+            let (whole, rest) = bytes.as_chunks::<8>();
+            let last = (!rest.is_empty()).then(|| rest.iter().fold(0, |word, &b| word << 8 | u64::from(b)));
+            let words: Vec<u64> = whole
+                .iter()
+                .map(|&word| u64::from_be_bytes(word))
+                .chain(last)
                 .chain([bytes.len() as u64])
                 .collect();
             hash_words(&words)

@@ -27,6 +27,7 @@ use std::{
 };
 
 use glam::UVec2;
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::{
@@ -195,8 +196,6 @@ struct Task<'a> {
     /// Where a search may begin, in the optimiser's units.
     starts: Vec<(String, Vec<f64>)>,
     dir: RunDir,
-    /// f_q at the start.
-    initial: JackknifeEstimate,
 }
 
 /// Follows a run.
@@ -266,7 +265,6 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    let content = manifest::content(scene_path);
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
     }
@@ -286,7 +284,9 @@ pub fn run(
         .collect::<Result<Vec<_>, _>>()?;
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
-    let (sizes, notes) = survey::fit_sizes(scene, options.work_size)?;
+    let (content, fitted) =
+        rayon::join(|| manifest::content(scene_path), || survey::fit_sizes(scene, options.work_size));
+    let (sizes, notes) = fitted?;
     notes.iter().for_each(|n| reporter.note(n));
     let range = survey::value_range(scene);
     let largest_value = range.map_or(1.0, |[_, hi]| hi);
@@ -313,21 +313,15 @@ pub fn run(
         scene.set_background_value(1.0_f32.min(largest_value), largest_value);
         let mut setting =
             Setting { scene: &mut *scene, camera: &working, variables: &variables, aovs: &aovs, options };
-        let mut tasks = jobs
-            .iter()
-            .map(|(job, objective)| {
-                begin(
-                    job,
-                    objective,
-                    (scene_path, &content),
-                    &unit,
-                    &mut setting,
-                    engine.as_ref(),
-                    before,
-                    reporter,
-                )
-            })
-            .collect::<Result<Vec<_>, _>>()?;
+        let source = (scene_path, content.as_str());
+        let begun =
+            jobs.par_iter().map(|&(job, objective)| begin(job, objective, source, &unit, &setting, before));
+        let mut tasks = begun.collect::<Result<Vec<_>, _>>()?;
+        let initials = measure_starts(&tasks, &mut setting, engine.as_ref(), reporter)?;
+        for (task, initial) in tasks.iter().zip(&initials) {
+            let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
+            reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", task.job.target.name()));
+        }
         let found = match &mut engine {
             Some(engine) => basis::optimise(engine, &mut tasks, &mut setting, &mut renders, reporter)?,
             None => tasks
@@ -336,7 +330,7 @@ pub fn run(
                 .collect::<Result<_, _>>()?,
         };
         let seconds = clock.elapsed().as_secs_f64();
-        for (mut task, found) in tasks.into_iter().zip(found) {
+        for ((mut task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
             let (check, look) = (&found.check, task.job.target.name());
             reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
             let caution = attainable::degenerate(&check.evaluation, &variables, &variables.decode(&found.u));
@@ -347,7 +341,7 @@ pub fn run(
             let seconds = start.elapsed().as_secs_f64();
             task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
             reports.push(RunReport {
-                initial: task.initial,
+                initial,
                 check: found.check,
                 last,
                 variables: variables.clone(),
@@ -370,36 +364,42 @@ pub fn run(
     Ok(reports)
 }
 
-/// Opens a job's record and measures its start.
-#[allow(clippy::too_many_arguments)]
+/// Opens a job's record and finds out where its search may begin.
 fn begin<'a>(
     job: &'a Job,
     objective: &Objective,
     source: (&Path, &str),
     unit: &Picture,
-    setting: &mut Setting<'a>,
-    engine: Option<&engine::Engine>,
+    setting: &Setting<'a>,
     surveyed: Duration,
-    reporter: &impl Reporter,
 ) -> Result<Task<'a>, RunError> {
-    let Setting { scene, variables, options, aovs, .. } = &*setting;
+    let Setting { scene, variables, options, aovs, .. } = setting;
     let manifest = manifest::text(scene, source, options, &job.target, variables)?;
     let mut dir = RunDir::create(&job.out, options.force, &manifest)?;
     dir.log_timing(&json!({"stage": "survey", "seconds": surveyed.as_secs_f64()}))?;
     let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
     let starts = survey::starts(scene, unit, &aovs.mask, variables, means, options.luminance);
-    let initial = match engine {
-        Some(engine) => engine.evaluator(setting, objective).estimate(&variables.start(), LABELLINGS)?,
-        None => {
-            let x0 = variables.decode(&variables.start());
-            let spp = options.spp.unwrap_or(optimise::FIRST_SAMPLES);
-            measure(objective, setting, &x0, spp, (Purpose::Initial, "measuring the start"), reporter)?
-        }
-    };
-    let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
-    reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", job.target.name()));
     let reduced = engine::reduced_objective(setting, &job.target);
-    Ok(Task { job, objective: objective.clone(), reduced, starts, dir, initial })
+    Ok(Task { job, objective: objective.clone(), reduced, starts, dir })
+}
+
+/// f_q where every search begins, by the basis or from a render of its own.
+fn measure_starts(
+    tasks: &[Task],
+    setting: &mut Setting,
+    engine: Option<&engine::Engine>,
+    reporter: &impl Reporter,
+) -> Result<Vec<JackknifeEstimate>, RunError> {
+    let start = setting.variables.start();
+    if let Some(engine) = engine {
+        let setting = &*setting;
+        let measure = |task: &Task| engine.evaluator(setting, &task.objective).estimate(&start, LABELLINGS);
+        return Ok(tasks.par_iter().map(measure).collect::<Result<_, _>>()?);
+    }
+    let x0 = setting.variables.decode(&start);
+    let spp = setting.options.spp.unwrap_or(optimise::FIRST_SAMPLES);
+    let what = (Purpose::Initial, "measuring the start");
+    tasks.iter().map(|task| measure(&task.objective, setting, &x0, spp, what, reporter)).collect()
 }
 
 /// Paper mode: finds the lights and checks them.

@@ -226,7 +226,7 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
     };
     let mut best = measure(&mut Scratch::default(), u.to_vec());
     let mut tried = 1;
-    let shares = whole.basis.shares(&whole.lighting(&whole.variables.decode(u)));
+    let shares = whole.halves.shares(&whole.lighting(&whole.variables.decode(u)));
     let mut sizes: Vec<(usize, f64)> = Vec::new();
     for (i, v) in whole.variables.variables.iter().enumerate() {
         if let VariableKind::Size(light) = v.kind {

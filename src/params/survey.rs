@@ -71,10 +71,12 @@ pub fn fit_sizes(scene: &mut Scene, film: UVec2) -> Result<(Vec<SizeBounds>, Vec
     }
     let mut notes = Vec::new();
     let mut ranges = Vec::new();
-    for i in 0..scene.lights.len() {
+    let found: Vec<SizeBounds> =
+        scene.lights.par_iter().map(|light| bounds::size_range(scene, light, film)).collect();
+    for (i, found) in found.into_iter().enumerate() {
         let light = &scene.lights[i];
         let name = light.name.clone();
-        let Some([lo, hi]) = bounds::size_range(scene, light, film) else {
+        let Some([lo, hi]) = found else {
             ranges.push(None);
             continue;
         };
@@ -180,6 +182,7 @@ pub fn variables(
     if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
         return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
     }
+    let bright: Vec<f64> = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, e, mode)).collect();
     let mut variables = Vec::new();
     for (i, light) in scene.lights.iter().enumerate() {
         let limits = &scene.light_bounds[i];
@@ -187,8 +190,7 @@ pub fn variables(
             continue;
         }
         if free.contains(FreeKind::Radiance) && limits.radiance_free {
-            let found = HEADROOM * gain_for(&images[i], |y| y, BRIGHT, e, mode);
-            let upper = limits.radiance_max.map_or(found, f64::from);
+            let upper = limits.radiance_max.map_or(HEADROOM * bright[i], f64::from);
             variables.push(Variable {
                 name: format!("{}.radiance", light.name),
                 unit: light.unit(),

@@ -169,9 +169,11 @@ impl TransportBasis {
     #[must_use]
     pub fn new(layout: Layout, replicates: usize) -> Self {
         let n = layout.n_rows() * layout.n_pixels();
-        // Zeros that nothing reads or writes take neither time nor memory.
-        let luminance = (0..replicates).map(|_| vec![0.0; n]).collect();
-        Self { luminance, colour: vec![0.0; COLOURS * n], n_samples: 0, weight: 1, taken: 0, layout }
+        let (luminance, colour) = rayon::join(
+            || (0..replicates).into_par_iter().map(|_| vec![0.0; n]).collect(),
+            || vec![0.0; COLOURS * n],
+        );
+        Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
 
     /// What is kept apart.

@@ -12,8 +12,8 @@ use lightopt_embree::{
     sampler::SamplerKind,
     scene::{Scene, material::Model},
     transport::{
-        Knots, Layout, LightingGradient, LightingPoint, Linearised, Recombination, SizeBins, Source,
-        Tables, Tangents, TransportBasis, ValueNodes,
+        Knots, Layout, LightingGradient, LightingPoint, Linearised, Recombination, SizeBins, Source, Tables,
+        Tangents, TransportBasis, ValueNodes,
     },
 };
 
