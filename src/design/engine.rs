@@ -119,7 +119,7 @@ impl Plan {
         };
         let wanted = plan.knots;
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
-            plan.knots -= 4;
+            plan.knots = (plan.knots - 4).max(MIN_KNOTS);
         }
         let bytes = need(&plan);
         if bytes > options.memory {

@@ -7,9 +7,9 @@ pub const MAX_SAMPLES: u32 = 4096;
 
 /// Samples per pixel with which an estimate may be trusted, of all replicates. Of fewer, errors
 /// are too uncertain and corrections of terms cancel.
-pub const LEAST_SAMPLES: u32 = 20;
-/// Samples that are aimed at what the first ones found: a power of two for each of the replicates.
-pub const AIMED_SAMPLES: u32 = 16;
+pub const LEAST_SAMPLES: u32 = 16;
+/// Samples that are aimed at what the first ones found.
+pub const AIMED_SAMPLES: u32 = 12;
 
 /// What is asked of an estimate.
 #[derive(Clone, Copy, Debug)]

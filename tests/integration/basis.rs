@@ -170,7 +170,7 @@ fn what_is_no_basis_or_does_not_fit_is_one_line() {
 #[test]
 fn memory_is_planned_before_rendering() {
     let room = Room::new();
-    let mut arguments = vec!["run", "room.obj", "--memory", "3M"];
+    let mut arguments = vec!["run", "room.obj", "--memory", "2M"];
     arguments.extend(QUICK);
     let stderr = String::from_utf8(room.succeed(&arguments).stderr).unwrap();
     assert!(stderr.contains("fewer to fit the memory allowed"), "{stderr}");
