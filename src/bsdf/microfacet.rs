@@ -89,13 +89,19 @@ impl Ggx {
     /// Samples a facet normal visible from `w` (`w.z` of either sign).
     #[must_use]
     pub fn sample_wm(&self, w: Vec3, u: Vec2) -> Vec3 {
+        let phi = 2.0 * PI * u.x;
+        self.wm_towards(w, Vec2::new(phi.cos(), phi.sin()), u.y)
+    }
+
+    /// [`Self::sample_wm`] of the unit vector `direction` at the angle 2π `u.x`, and of `u.y`.
+    #[must_use]
+    pub(super) fn wm_towards(&self, w: Vec3, direction: Vec2, u_y: f32) -> Vec3 {
         let w = if w.z < 0.0 { -w } else { w };
         // [Dupuy23] listing 1: uniform on the spherical cap of the hemisphere configuration.
         let wh = Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize();
-        let phi = 2.0 * PI * u.x;
-        let z = (1.0 - u.y) * (1.0 + wh.z) - wh.z;
+        let z = (1.0 - u_y) * (1.0 + wh.z) - wh.z;
         let sin_theta = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
-        let c = Vec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), z);
+        let c = Vec3::new(sin_theta * direction.x, sin_theta * direction.y, z);
         let h = c + wh;
         Vec3::new(self.alpha * h.x, self.alpha * h.y, h.z.max(1e-7)).normalize()
     }

@@ -147,6 +147,7 @@ impl CoatPoint<'_> {
 /// Transmittances of a GGX interface at the nodes.
 fn transmittances(ggx: Ggx, eta: f32, n_quadrature: usize) -> Vec<f32> {
     (0..N_NODES)
+        .into_par_iter()
         .map(|i| {
             let cos = (i as f32 / (N_NODES - 1) as f32).max(1e-4);
             rough_interface(ggx, cos, eta, Vec2::splat(0.5), n_quadrature).1
@@ -209,22 +210,24 @@ fn internal_reflectance_by(eta: f32, ggx: Option<Ggx>, mu: f32, i: u32, n: usize
 fn rough_interface(ggx: Ggx, cos: f32, eta: f32, shift: Vec2, n: usize) -> (f32, f32) {
     let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
     let (mut reflectance, mut transmittance) = (0.0_f64, 0.0_f64);
-    let step = 1.0 / n as f32;
-    for i in 0..n * n {
-        let v = ((i / n) as f32 + shift.y) * step;
+    let direction = |i: usize| Vec2::from_angle(2.0 * PI * (i as f32 + shift.x) / n as f32);
+    let directions: Vec<Vec2> = (0..n).map(direction).collect();
+    for i in 0..n {
+        let v = (i as f32 + shift.y) / n as f32;
         let weight = f64::from(2.0 * v);
-        let u = Vec2::new(((i % n) as f32 + shift.x) * step, 1.0 - v * v);
-        let wm = ggx.sample_wm(wo, u);
-        let c = wo.dot(wm);
-        let (r, cos_t) = fresnel::dielectric(c, eta);
-        let wi = reflect_about(wo, wm);
-        if wi.z > 0.0 {
-            reflectance += weight * f64::from(r * ggx.g1(wi, wm));
-        }
-        if r < 1.0 {
-            let wt = -wo / eta + wm * (c / eta + cos_t);
-            if wt.z < 0.0 {
-                transmittance += weight * f64::from((1.0 - r) * ggx.g1(wt, wm));
+        for &direction in &directions {
+            let wm = ggx.wm_towards(wo, direction, 1.0 - v * v);
+            let c = wo.dot(wm);
+            let (r, cos_t) = fresnel::dielectric(c, eta);
+            let wi = reflect_about(wo, wm);
+            if wi.z > 0.0 {
+                reflectance += weight * f64::from(r * ggx.g1(wi, wm));
+            }
+            if r < 1.0 {
+                let wt = -wo / eta + wm * (c / eta + cos_t);
+                if wt.z < 0.0 {
+                    transmittance += weight * f64::from((1.0 - r) * ggx.g1(wt, wm));
+                }
             }
         }
     }

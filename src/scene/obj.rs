@@ -78,11 +78,13 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, SceneError> {
     let named = |m: &MtlMaterial| tobj::Material { name: m.name.clone(), ..Default::default() };
     let all = || library.iter().map(named).collect::<Vec<_>>();
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
-    let (models, _) = tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((all(), names())))
-        .map_err(|source| SceneError::Obj { path: path.into(), source })?;
-
     let mut reader = mtl_params::Reader::new(warnings);
-    let mut materials = reader.read(&library)?;
+    let (models, materials) = rayon::join(
+        || tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((all(), names()))),
+        || reader.read(&library),
+    );
+    let (models, _) = models.map_err(|source| SceneError::Obj { path: path.into(), source })?;
+    let mut materials = materials?;
     let mut warnings = reader.warnings;
     let default_material = materials.len() as u32;
     let mut raw = Mesh::default();

@@ -106,47 +106,70 @@ fn without_comment(rest: &str) -> &str {
 /// Vertices, texture coordinates and normals so far or in all.
 type Counts = [usize; 3];
 
-/// Positions in the file, and the text of all vertex lines.
-fn vertices(text: &str, out: &mut String) -> Result<(Vec<Vec3>, Counts), LineError> {
-    let mut positions = Vec::new();
-    let mut counts = [0; 3];
+/// What a first pass over the file finds.
+struct Vertices<'t> {
+    positions: Vec<Vec3>,
+    counts: Counts,
+    /// All lines that are no vertices, by number, with what came before them.
+    others: Vec<(usize, Counts, Cow<'t, str>)>,
+}
+
+/// Reads all vertices and appends their lines in plain words.
+fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineError> {
+    let mut found = Vertices { positions: Vec::new(), counts: [0; 3], others: Vec::new() };
     for (line, content) in logical_lines(text) {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
         match keyword {
             "v" => {
                 let ([x, y, z, w, ..], n) = numbers::<8>(rest).map_err(fail)?;
+                let p = Vec3::new(x, y, z);
+                // More than four are colours.
                 let p = match n {
                     0..=2 => return Err(fail(format!("needs 3 numbers, got {n}"))),
                     4 if w == 0.0 => return Err(fail("the weight (4th number) must not be 0".into())),
-                    4 => Vec3::new(x, y, z) / w,
-                    // More are colours.
-                    _ => Vec3::new(x, y, z),
+                    4 => p / w,
+                    _ => p,
                 };
-                positions.push(p);
-                counts[0] += 1;
-                push(out, format_args!("v {} {} {}\n", p.x, p.y, p.z));
+                if n == 4 {
+                    push(out, format_args!("v {} {} {}\n", p.x, p.y, p.z));
+                } else {
+                    push_words(out, keyword, rest, 3);
+                }
+                found.positions.push(p);
+                found.counts[0] += 1;
             }
             "vt" => {
-                let ([u, v, _], n) = numbers::<3>(rest).map_err(fail)?;
-                if n == 0 {
-                    return Err(fail("needs 1 to 3 numbers, got 0".into()));
+                let (_, n) = numbers::<3>(rest).map_err(fail)?;
+                match n {
+                    0 => return Err(fail("needs 1 to 3 numbers, got 0".into())),
+                    1 => push_words(out, keyword, &format!("{} 0", without_comment(rest)), 2),
+                    _ => push_words(out, keyword, rest, 2),
                 }
-                counts[1] += 1;
-                push(out, format_args!("vt {u} {v}\n"));
+                found.counts[1] += 1;
             }
             "vn" => {
-                let ([x, y, z], n) = numbers::<3>(rest).map_err(fail)?;
+                let (_, n) = numbers::<3>(rest).map_err(fail)?;
                 if n < 3 {
                     return Err(fail(format!("needs 3 numbers, got {n}")));
                 }
-                counts[2] += 1;
-                push(out, format_args!("vn {x} {y} {z}\n"));
+                push_words(out, keyword, rest, 3);
+                found.counts[2] += 1;
             }
-            _ => {}
+            _ => found.others.push((line, found.counts, content)),
         }
     }
-    Ok((positions, counts))
+    Ok(found)
+}
+
+/// Appends a line of the first `n` words of `rest`, which are numbers.
+fn push_words(out: &mut String, keyword: &str, rest: &str, n: usize) {
+    out.push_str(keyword);
+    for word in without_comment(rest).split_whitespace().take(n) {
+        out.push(' ');
+        out.push_str(word);
+    }
+    out.push('\n');
 }
 
 /// Appends to a string, which does not fail.
@@ -203,18 +226,15 @@ fn corner(
 pub fn plain_obj(text: &str) -> Result<PlainObj, LineError> {
     let mut out = PlainObj { text: String::with_capacity(text.len()), ..PlainObj::default() };
     out.text.push_str("mtllib all\nvt 0 0\nvn 0 0 0\n");
-    let (positions, total) = vertices(text, &mut out.text)?;
-    let mut before = [0; 3];
+    let Vertices { positions, counts: total, others } = vertices(text, &mut out.text)?;
     let mut part = Part::default();
     let mut ids: HashMap<Part, usize> = HashMap::new();
     let mut is_new_part = true;
-    for (line, content) in logical_lines(text) {
+    let mut digits = itoa::Buffer::new();
+    for (line, before, content) in others {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
         match keyword {
-            "v" => before[0] += 1,
-            "vt" => before[1] += 1,
-            "vn" => before[2] += 1,
             "o" => {
                 let object = (!rest.is_empty()).then(|| rest.to_owned());
                 part = Part { object, groups: Vec::new() };
@@ -266,7 +286,10 @@ pub fn plain_obj(text: &str) -> Result<PlainObj, LineError> {
                     for [v, vt, vn] in t.map(|i| corners[i]) {
                         // Number 1 stands for absent: see `PlainObj::text`.
                         let n = |i: Option<usize>| i.map_or(1, |i| i + 2);
-                        push(&mut out.text, format_args!(" {}/{}/{}", v.unwrap_or(0) + 1, n(vt), n(vn)));
+                        for (separator, index) in [(' ', v.unwrap_or(0) + 1), ('/', n(vt)), ('/', n(vn))] {
+                            out.text.push(separator);
+                            out.text.push_str(digits.format(index));
+                        }
                     }
                     out.text.push('\n');
                 }
