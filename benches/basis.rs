@@ -123,6 +123,7 @@ fn benchmark(c: &mut Criterion) {
         let variables = variables(n);
         let fixed = LightingPoint { radiance: vec![1.0; n], size: vec![1.0; n], value: 1.0 };
         let evaluator = Evaluator {
+            least_sizes: &[],
             basis: &basis,
             halves: &halves,
             objective: &objective,

@@ -82,6 +82,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let objective = about.objective(&target, &basis)?;
     let variables = ParamVector { variables: vec![variable.clone()] };
     let evaluator = Evaluator {
+        least_sizes: &[],
         basis: &basis,
         halves: &basis,
         objective: &objective,

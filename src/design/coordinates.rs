@@ -44,6 +44,12 @@ impl<'a> Coordinates<'a> {
         u
     }
 
+    /// The point `u` around which they lie, with sizes that are below `lower` on it, at constant flux.
+    pub fn not_below(&self, u: &[f64], lower: &[f64]) -> Vec<f64> {
+        let y: Vec<f64> = u.iter().zip(lower).map(|(u, lower)| u.max(*lower)).collect();
+        if y == u { y } else { self.to_cube(&y) }
+    }
+
     /// Turns derivatives by `u = to_cube(y)` into such by `y`.
     pub fn pull_back(&self, y: &[f64], u: &[f64], gradient: &mut [f64]) {
         for pair in &self.pairs {

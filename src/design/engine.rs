@@ -52,6 +52,9 @@ pub struct Plan {
     fixed: LightingPoint,
 }
 
+/// Share of a light's samples that must lie within a size for which lights are sought.
+const WITHIN: f32 = 0.1;
+
 /// A lighting that matters, and how often each light is chosen for it.
 #[derive(Clone, Debug)]
 pub struct Aim {
@@ -82,6 +85,10 @@ pub struct Engine {
     reduced: OnceLock<TransportBasis>,
     /// What its samples are aimed at.
     aims: Option<Vec<Aim>>,
+    /// How the sizes of lights were sampled so far, by how many samples.
+    sampled: Vec<(f32, Vec<SizeDensity>)>,
+    /// The least size of each light of which there are samples enough.
+    least_sizes: Vec<f64>,
     seed: u64,
     /// Where it is stored, and how many samples are there.
     stored: Option<(PathBuf, u32)>,
@@ -223,6 +230,8 @@ impl Engine {
             halves: OnceLock::new(),
             reduced: OnceLock::new(),
             aims: None,
+            sampled: Vec::new(),
+            least_sizes: Vec::new(),
             seed,
             stored,
         };
@@ -303,9 +312,30 @@ impl Engine {
             let count = left.min(UNINTERRUPTED);
             self.basis.render(source, count, &Unstoppable(reporter))?;
             left -= count;
+            let densities = scene.lights.iter().map(|l| l.size_density).collect();
+            self.sampled.push(((count * replicates) as f32, densities));
         }
+        self.least_sizes = (0..scene.lights.len()).map(|l| self.least_size(l)).collect();
         self.derive();
         Ok(())
+    }
+
+    /// The size within which [`WITHIN`] of the samples of a light lie, at least the least there is.
+    fn least_size(&self, light: usize) -> f64 {
+        let Some([mut below, mut above]) = self.plan.sizes[light] else { return 0.0 };
+        let all: f32 = self.sampled.iter().map(|(samples, _)| samples).sum();
+        let within = |size: f32| {
+            let of = self.sampled.iter().map(|(samples, of)| samples * of[light].below(size));
+            of.sum::<f32>() >= WITHIN * all
+        };
+        if within(below) {
+            return f64::from(below);
+        }
+        while above > below * 1.001 {
+            let middle = (below * above).sqrt();
+            if within(middle) { above = middle } else { below = middle }
+        }
+        f64::from(above)
     }
 
     /// Makes what evaluations need of the basis: before any of them, since all threads would
@@ -346,6 +376,8 @@ impl Engine {
             halves: OnceLock::new(),
             reduced: OnceLock::new(),
             aims: Some(aims),
+            sampled: Vec::new(),
+            least_sizes: Vec::new(),
             seed: hash_words(&[self.seed, u64::from(round) + 1]),
             stored: None,
         }
@@ -355,6 +387,7 @@ impl Engine {
     /// less. The knots stay, so that a search may still look everywhere.
     pub fn aim_at(&mut self, aims: Vec<Aim>) {
         self.basis.fade();
+        self.sampled.iter_mut().for_each(|(samples, _)| *samples *= 0.5);
         self.seed = hash_words(&[self.seed, 0]);
         self.aims = Some(aims);
     }
@@ -403,6 +436,7 @@ impl Engine {
             fixed: &self.plan.fixed,
             luminance: setting.options.luminance,
             exposure: f64::from(setting.scene.exposure),
+            least_sizes: &self.least_sizes,
         }
     }
 

@@ -11,7 +11,7 @@ use crate::{
         Smoothing, Statistics,
     },
     optim::Moduli,
-    params::{ParamVector, VariableKind},
+    params::{ParamVector, Variable, VariableKind},
     transport::{
         LightingGradient, LightingPoint, Linearised, Recombination, Tables, Tangents, TransportBasis,
     },
@@ -38,6 +38,9 @@ pub struct Evaluator<'a> {
     pub luminance: LuminanceMode,
     /// Factor on luminance.
     pub exposure: f64,
+    /// The least size of each light of which there are samples enough, see [`Self::told`]; none is
+    /// any size.
+    pub least_sizes: &'a [f64],
 }
 
 /// Images of an evaluation, reused from one to the next.
@@ -100,6 +103,17 @@ impl<'a> Evaluator<'a> {
     #[must_use]
     pub fn lighting(&self, x: &[f64]) -> LightingPoint {
         self.variables.lighting(self.fixed.clone(), x)
+    }
+
+    /// Least coordinates in the unit cube of what samples tell: where hardly any lie within a light,
+    /// most pixels know nothing of it, and no comparison of replicates reveals that.
+    #[must_use]
+    pub fn told(&self) -> Vec<f64> {
+        let least = |v: &Variable| match v.kind {
+            VariableKind::Size(light) => self.least_sizes.get(light).map_or(0.0, |&size| v.encode(size)),
+            _ => 0.0,
+        };
+        self.variables.variables.iter().map(least).collect()
     }
 
     /// Images of the replicates, encoded for the display: the mean and the means

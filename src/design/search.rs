@@ -171,7 +171,11 @@ pub fn polish<'a>(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<u32, OptimError> {
     let [few, more] = effort.evaluations;
-    let at = |t: &Trial| t.polished.as_ref().map_or_else(|| t.end.clone(), |p| Some(p.u.clone()));
+    let told = whole.told();
+    let at = |t: &Trial| {
+        let u = t.polished.as_ref().map(|p| &p.u).or(t.end.as_ref())?;
+        Some(Coordinates::around(u, whole.variables).not_below(u, &told))
+    };
     let ends: Vec<_> = trials.iter().enumerate().filter_map(|(i, t)| Some((i, at(t)?))).collect();
     let measure = |scratch: &mut Scratch<'a>, (i, u): (usize, Vec<f64>)| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
@@ -299,7 +303,8 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    settle(whole, u, Some(&estimate(whole, u)?), THOROUGH.evaluations[1], cancelled)
+    let u = Coordinates::around(u, whole.variables).not_below(u, &whole.told());
+    settle(whole, &u, Some(&estimate(whole, &u)?), THOROUGH.evaluations[1], cancelled)
 }
 
 /// Descends with less and less smoothing.
@@ -342,7 +347,7 @@ fn descend(
     Ok(at)
 }
 
-/// Goes from `u` into the kinks of the terms' moduli and along them; or, where an estimate at `u`
+/// Goes from `u`, which samples tell, into the kinks of the terms' moduli and along them; or, where an estimate at `u`
 /// tells the errors of the terms, to the least f_q expected with them. Residuals are then those of
 /// all replicates, less their bias: on one side of a kink f_q often rises much faster than on the
 /// other, and a small error of the wrong sign costs much.
@@ -367,7 +372,8 @@ fn settle(
     };
     let tolerance = if known.is_some() { SETTLED_WELL } else { SETTLED };
     let coordinates = Coordinates::around(u, whole.variables);
-    let outcome = optim::minimize_moduli(u, &weights, &errors, tolerance, evaluations, |y, moduli| {
+    let told = whole.told();
+    let outcome = optim::minimize_moduli(u, &told, &weights, &errors, tolerance, evaluations, |y, moduli| {
         let u = &coordinates.to_cube(y);
         if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
             return ControlFlow::Break(Interrupt);

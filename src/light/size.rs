@@ -111,6 +111,14 @@ impl SizeDensity {
         within(self.cores[0].size, 0.0)
     }
 
+    /// Share of the samples that lie within a size.
+    #[must_use]
+    pub fn below(&self, size: f32) -> f32 {
+        let cores = self.cores().map(|core| core.share * (size / core.size).clamp(0.0, 1.0).powi(2));
+        let rest = if self.rest > 0.0 { (size.clamp(self.least, self.extent) / self.least).ln() } else { 0.0 };
+        cores.sum::<f32>() + self.rest * rest
+    }
+
     /// q(ρ)/ρ, which stays finite at ρ = 0.
     #[must_use]
     pub fn pdf_over_rho(&self, rho: f32) -> f32 {

@@ -94,8 +94,8 @@ impl Moduli {
     }
 }
 
-/// Minimises `g(x) + Σ weights[i] E|r_i(x) + errors[i] N|` over the unit cube from `x0`;
-/// `f(x, out)` fills in all values and derivatives. It stops when a step changes the sum by less
+/// Minimises `g(x) + Σ weights[i] E|r_i(x) + errors[i] N|` from `x0` over the part of the unit cube
+/// that begins at `lower`; `f(x, out)` fills in all values and derivatives. It stops when a step changes the sum by less
 /// than `f_tolerance`, and after `max_evaluations`.
 ///
 /// # Errors
@@ -105,6 +105,7 @@ impl Moduli {
 /// With the panic of `f`, if it panics.
 pub fn minimize_moduli<F>(
     x0: &[f64],
+    lower: &[f64],
     weights: &[f64],
     errors: &[f64],
     f_tolerance: f64,
@@ -120,6 +121,7 @@ where
     }
     let search = RefCell::new(Search {
         f,
+        lower,
         weights,
         errors,
         max_evaluations,
@@ -137,7 +139,8 @@ where
             search.borrow_mut().bounds(out, y, jacobian);
         };
         let mut opt = Nlopt::new(Algorithm::Slsqp, n + m, objective, Target::Minimize, ());
-        accepted(opt.set_lower_bounds(&vec![0.0; n + m]), "set the lower bounds")?;
+        let least: Vec<f64> = lower.iter().copied().chain(std::iter::repeat_n(0.0, m)).collect();
+        accepted(opt.set_lower_bounds(&least), "set the lower bounds")?;
         let upper: Vec<f64> = (0..n + m).map(|i| if i < n { 1.0 } else { f64::INFINITY }).collect();
         accepted(opt.set_upper_bounds(&upper), "set the upper bounds")?;
         accepted(opt.add_inequality_mconstraint(2 * m, bounds, (), &vec![1e-8; 2 * m]), "bound the moduli")?;
@@ -150,10 +153,10 @@ where
 }
 
 /// A variable inside its bounds; on a bound, if it is off it by a rounding error.
-fn within(x: f64) -> f64 {
+fn within(x: f64, lower: f64) -> f64 {
     const ROUNDING: f64 = 1e-12;
-    if x < ROUNDING {
-        0.0
+    if x < lower + ROUNDING {
+        lower
     } else if x > 1.0 - ROUNDING {
         1.0
     } else {
@@ -163,6 +166,7 @@ fn within(x: f64) -> f64 {
 
 struct Search<'a, F> {
     f: F,
+    lower: &'a [f64],
     weights: &'a [f64],
     errors: &'a [f64],
     max_evaluations: u32,
@@ -185,7 +189,7 @@ where
             self.tally.end = Some(End::Stop(StopReason::Evaluations));
             return;
         }
-        let inside: Vec<f64> = x.iter().map(|&v| within(v)).collect();
+        let inside: Vec<f64> = x.iter().zip(self.lower).map(|(&v, &lower)| within(v, lower)).collect();
         // C must not be unwound.
         match catch_unwind(AssertUnwindSafe(|| (self.f)(&inside, &mut self.values))) {
             Ok(ControlFlow::Continue(())) => {}
@@ -274,17 +278,31 @@ mod tests {
     #[test]
     fn the_minimum_along_a_kink_is_found() {
         for start in [[0.1, 0.9], [0.0, 0.0], [0.7, 0.2]] {
-            let out = minimize_moduli(&start, &[1.0], &[0.0], 1e-12, 200, curved_kink).unwrap();
+            let out = minimize_moduli(&start, &[0.0; 2], &[1.0], &[0.0], 1e-12, 200, curved_kink).unwrap();
             assert!(out.f < 1e-6, "{start:?}: {out:?}");
             assert!((out.x[0] - 1.0).abs() < 1e-2 && (out.x[1] - 1.0).abs() < 2e-2, "{out:?}");
         }
     }
 
     #[test]
+    fn bounds_hold() {
+        let lower = [0.3, 0.5];
+        let out = minimize_moduli(&[0.4, 0.9], &lower, &[1.0], &[0.0], 1e-12, 200, |x, out| {
+            assert!(x[0] >= lower[0] && x[1] >= lower[1], "{x:?}");
+            out.rest = x[0] + x[1];
+            out.rest_gradient.fill(1.0);
+            out.residuals[0] = 0.0;
+            out.jacobian[..2].fill(0.0);
+            ControlFlow::Continue(())
+        });
+        assert_eq!(out.unwrap().x, lower);
+    }
+
+    #[test]
     fn more_moduli_than_variables_meet_in_a_corner() {
         // Weighted median: |x − 0.2| + |x − 0.5| + 3 |x − 0.6| is least at 0.6.
         let at = [0.2, 0.5, 0.6];
-        let out = minimize_moduli(&[0.05], &[1.0, 1.0, 3.0], &[0.0; 3], 1e-12, 50, |x, out| {
+        let out = minimize_moduli(&[0.05], &[0.0], &[1.0, 1.0, 3.0], &[0.0; 3], 1e-12, 50, |x, out| {
             out.rest = 0.0;
             out.rest_gradient[0] = 0.0;
             for (i, at) in at.into_iter().enumerate() {
@@ -325,7 +343,7 @@ mod tests {
             ControlFlow::Continue(())
         };
         for (error, x) in [(0.0, 0.5), (0.05, 0.5 - 0.05 * 1.644_854)] {
-            let out = minimize_moduli(&[0.9], &[1.0], &[error], 1e-12, 50, f).unwrap();
+            let out = minimize_moduli(&[0.9], &[0.0], &[1.0], &[error], 1e-12, 50, f).unwrap();
             assert!((out.x[0] - x).abs() < 1e-5, "{error}: {out:?}");
         }
         let mut at = Moduli::new(1, 1);
@@ -336,21 +354,21 @@ mod tests {
 
     #[test]
     fn limits_interrupts_and_nonsense_end_it() {
-        let out = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 3, curved_kink).unwrap();
+        let out = minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 3, curved_kink).unwrap();
         assert!(out.evaluations == 3 && out.stop == StopReason::Evaluations, "{out:?}");
         let mut left = 2;
-        let out = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 99, |x, out| {
+        let out = minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 99, |x, out| {
             left -= 1;
             if left < 0 { ControlFlow::Break(Interrupt) } else { curved_kink(x, out) }
         })
         .unwrap();
         assert_eq!(out.stop, StopReason::Interrupted);
-        let never = minimize_moduli(&[0.1], &[], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
+        let never = minimize_moduli(&[0.1], &[0.0], &[], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
         assert_eq!(never.unwrap_err(), OptimError::NothingEvaluated);
-        let nonsense = minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
+        let nonsense = minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
         assert!(matches!(nonsense, Err(OptimError::NotFinite { evaluation: 1, .. })));
         let caught = catch_unwind(AssertUnwindSafe(|| {
-            minimize_moduli(&[0.1, 0.9], &[1.0], &[0.0], 0.0, 9, |_, _| panic!("of the caller"))
+            minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 9, |_, _| panic!("of the caller"))
         }));
         assert!(caught.is_err());
     }

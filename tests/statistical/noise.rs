@@ -83,7 +83,7 @@ fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &
     let fixed = lighting();
     let luminance = LuminanceMode::Srgb;
     let evaluator =
-        Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0 };
+        Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0, least_sizes: &[] };
     evaluator.estimate(u, LABELLINGS).unwrap()
 }
 
