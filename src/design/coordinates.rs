@@ -109,6 +109,9 @@ mod tests {
             assert_eq!(u[1..], [size, 0.3, 0.2]);
         }
         assert_eq!(c.to_cube(&[0.9, 0.0, 0.3, 0.2])[0], 1.0);
+        assert_eq!(c.not_below(&origin, &[0.0, 0.6, 0.0, 0.0]), origin);
+        let raised = c.not_below(&origin, &[0.0, 0.7, 0.0, 0.0]);
+        assert!(raised[1] == 0.7 && (flux(&raised) / flux(&origin) - 1.0).abs() < 1e-9, "{raised:?}");
     }
 
     #[test]

@@ -25,7 +25,7 @@ use crate::{
 /// Points of the low-discrepancy set.
 const N_POINTS: u32 = 256;
 /// Starts that descend on the reduced picture.
-const N_COARSE: usize = 8;
+const N_COARSE: usize = 16;
 /// Points nearer than this to a better one in all directions, in units of the box, are left.
 const APART: f64 = 0.1;
 /// Evaluations of each stage of a descent on the reduced picture.
@@ -56,9 +56,9 @@ pub struct Effort {
 }
 
 /// Where samples are few: more will tell what is better.
-const ROUGH: Effort = Effort { ends: 3, evaluations: [10, 15], tries_sizes: true, doubt: 0.5 };
+const ROUGH: Effort = Effort { ends: 3, evaluations: [15, 15], tries_sizes: true, doubt: 0.5 };
 /// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 2, evaluations: [12, 24], tries_sizes: false, doubt: 1.0 };
+pub const THOROUGH: Effort = Effort { ends: 3, evaluations: [24, 48], tries_sizes: false, doubt: 1.0 };
 /// Standard errors from four replicates are themselves uncertain: what is known of a residual is
 /// Student's distribution of three degrees of freedom, whose standard deviation is this.
 const STUDENT: f64 = 1.732_050_8;

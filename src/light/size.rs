@@ -115,7 +115,8 @@ impl SizeDensity {
     #[must_use]
     pub fn below(&self, size: f32) -> f32 {
         let cores = self.cores().map(|core| core.share * (size / core.size).clamp(0.0, 1.0).powi(2));
-        let rest = if self.rest > 0.0 { (size.clamp(self.least, self.extent) / self.least).ln() } else { 0.0 };
+        let rest =
+            if self.rest > 0.0 { (size.clamp(self.least, self.extent) / self.least).ln() } else { 0.0 };
         cores.sum::<f32>() + self.rest * rest
     }
 

@@ -365,7 +365,8 @@ mod tests {
         assert_eq!(out.stop, StopReason::Interrupted);
         let never = minimize_moduli(&[0.1], &[0.0], &[], &[], 0.0, 9, |_, _| ControlFlow::Break(Interrupt));
         assert_eq!(never.unwrap_err(), OptimError::NothingEvaluated);
-        let nonsense = minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
+        let nonsense =
+            minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 9, |_, _| ControlFlow::Continue(()));
         assert!(matches!(nonsense, Err(OptimError::NotFinite { evaluation: 1, .. })));
         let caught = catch_unwind(AssertUnwindSafe(|| {
             minimize_moduli(&[0.1, 0.9], &[0.0; 2], &[1.0], &[0.0], 0.0, 9, |_, _| panic!("of the caller"))

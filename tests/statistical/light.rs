@@ -565,6 +565,11 @@ fn sizes_follow_their_density() {
             })
             .collect();
         assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-4, "{probabilities:?}");
+        let mut below = 0.0;
+        for (edge, p) in edges[1..].iter().zip(&probabilities) {
+            below += p;
+            assert!((f64::from(density.below(*edge)) - below).abs() < 1e-4, "{density:?} {edge}");
+        }
         let mut random = Random::new(&[20]);
         let mut counts = Counts { cells: vec![0; probabilities.len()], absorbed: 0 };
         for _ in 0..N {

@@ -82,8 +82,16 @@ fn truth(scene: &mut Scene, x: &LightingPoint, objective: &Objective, spp: u32) 
 fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &[f64]) -> JackknifeEstimate {
     let fixed = lighting();
     let luminance = LuminanceMode::Srgb;
-    let evaluator =
-        Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, luminance, exposure: 1.0, least_sizes: &[] };
+    let evaluator = Evaluator {
+        basis,
+        halves: basis,
+        objective,
+        variables: v,
+        fixed: &fixed,
+        luminance,
+        exposure: 1.0,
+        least_sizes: &[],
+    };
     evaluator.estimate(u, LABELLINGS).unwrap()
 }
 
