@@ -123,7 +123,6 @@ fn benchmark(c: &mut Criterion) {
         let variables = variables(n);
         let fixed = LightingPoint { radiance: vec![1.0; n], size: vec![1.0; n], value: 1.0 };
         let evaluator = Evaluator {
-            least_sizes: &[],
             basis: &basis,
             halves: &halves,
             objective: &objective,
@@ -131,11 +130,17 @@ fn benchmark(c: &mut Criterion) {
             fixed: &fixed,
             luminance: LuminanceMode::Srgb,
             exposure: 1.0,
+            least_sizes: &[],
         };
         let u = vec![0.4; variables.len()];
         let (mut gradient, mut scratch) = (vec![0.0; variables.len()], Scratch::default());
         let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
         group.bench_function(format!("f_q with gradient, {n} lights, 128x96"), |b| {
+            b.iter(|| evaluator.evaluate(black_box(&u), &smoothing, Some(&mut gradient), &mut scratch));
+        });
+        // As in a descent that has found the background's value.
+        let mut scratch = Scratch::of_descent();
+        group.bench_function(format!("the same at the same background, {n} lights"), |b| {
             b.iter(|| evaluator.evaluate(black_box(&u), &smoothing, Some(&mut gradient), &mut scratch));
         });
     }

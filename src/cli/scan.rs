@@ -82,7 +82,6 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let objective = about.objective(&target, &basis)?;
     let variables = ParamVector { variables: vec![variable.clone()] };
     let evaluator = Evaluator {
-        least_sizes: &[],
         basis: &basis,
         halves: &basis,
         objective: &objective,
@@ -90,6 +89,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         fixed: &fixed,
         luminance: about.luminance,
         exposure,
+        least_sizes: &[],
     };
     let mut rows: Vec<(f64, JackknifeEstimate)> = Vec::new();
     for i in 0..args.steps {
