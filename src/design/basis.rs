@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::{
     Purpose, Reporter, RunError, Setting, Task, check,
     engine::{Aim, Engine, REPLICATES},
-    precision::Precision,
+    precision::{LEAST_SAMPLES, Precision},
     quest::{Found, MAX_REFOCUS, Quest, Spent, Step, evaluators, start_line},
     search::{self, Polished, Trial},
     seed_for,
@@ -21,8 +21,8 @@ use super::{
 use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
 
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
-/// of all that lie around it. They become a power of two a replicate, after which Sobol's sequence
-/// leaves the least noise.
+/// of all that lie around it. They are as many at least as can be trusted, and become a power of
+/// two a replicate, after which Sobol's sequence leaves the least noise.
 const CHECK_SHARE: f64 = 0.5;
 
 /// Finds the lights of several looks: searches, adds samples, checks, refocuses.
@@ -205,7 +205,7 @@ fn check_all(
     let objectives: Vec<_> = quests.iter().map(|quest| &quest.task.objective).collect();
     let aims = aims(quests, now, setting, 1.0);
     let seed = hash_words(&[seed_for(setting.options.seed, Purpose::Check), u64::from(round)]);
-    let wanted = (f64::from(now.samples()) * CHECK_SHARE) as u32;
+    let wanted = ((f64::from(now.samples()) * CHECK_SHARE) as u32).max(LEAST_SAMPLES);
     let spp = wanted.div_ceil(REPLICATES as u32).next_power_of_two() * REPLICATES as u32;
     check::check(&aims, &objectives, setting, seed, spp, renders, reporter)
 }
