@@ -35,6 +35,8 @@ const FOCUS_KNOTS: usize = 16;
 const FOCUS: f64 = 0.35;
 /// Weight with which a light that contributes nothing is chosen, beside 1 of all of them.
 const FAINT_LIGHT: f64 = 0.05;
+/// Share of a light's samples that must lie within a size for which lights are sought.
+const WITHIN: f32 = 0.1;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile.
 const UNINTERRUPTED: u32 = 8;
 /// The picture on which starts are screened is smaller by this factor.
@@ -51,9 +53,6 @@ pub struct Plan {
     /// The lighting of what does not vary.
     fixed: LightingPoint,
 }
-
-/// Share of a light's samples that must lie within a size for which lights are sought.
-const WITHIN: f32 = 0.1;
 
 /// A lighting that matters, and how often each light is chosen for it.
 #[derive(Clone, Debug)]

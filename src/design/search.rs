@@ -219,8 +219,8 @@ pub fn polish<'a>(
     Ok(count as u32)
 }
 
-/// Takes the best of some sizes of each light in turn, that which gives most first, from the whole of
-/// its range and at constant flux, and returns what it found with the number of points tried. Over
+/// Takes the best of some sizes of each light in turn, that which gives most first, from all of
+/// its range that samples tell and at constant flux, and returns what it found with the number of points tried. Over
 /// the size of a light f_q often falls slowly but far: noise holds a descent, but not a glance at
 /// the whole range.
 fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
@@ -228,6 +228,7 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
         (u, f)
     };
+    let told = whole.told();
     let mut best = measure(&mut Scratch::default(), u.to_vec());
     let mut tried = 1;
     let shares = whole.halves.shares(&whole.lighting(&whole.variables.decode(u)));
@@ -242,7 +243,7 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
         let coordinates = Coordinates::around(&best.0, whole.variables);
         let at = |k: u32| {
             let mut y = best.0.clone();
-            y[i] = f64::from(k) / f64::from(N_SIZES - 1);
+            y[i] = told[i] + (1.0 - told[i]) * f64::from(k) / f64::from(N_SIZES - 1);
             coordinates.to_cube(&y)
         };
         let points = (0..N_SIZES).into_par_iter().map(at).map_init(Scratch::default, measure);
