@@ -124,13 +124,16 @@ pub mod export;
 pub mod figures;
 pub mod files;
 pub mod film;
+pub mod import;
 pub mod integrator;
 pub mod light;
+pub mod lighting;
 pub mod math;
 pub mod objective;
 pub mod optim;
-pub mod params;
+
 pub mod photo;
 pub mod sampler;
 pub mod scene;
 pub mod transport;
+pub mod variables;

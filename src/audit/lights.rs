@@ -1,4 +1,4 @@
-//! `lights.toml`: a lighting, to be rendered again.
+//! `lights.toml`: a lighting on disk, to be rendered again.
 //!
 //! ```toml
 //! schema = 1
@@ -20,17 +20,18 @@ use serde::{Deserialize, Serialize};
 use super::stored::About;
 use crate::{
     files::{nearest, toml_file::TomlError},
+    lighting::Lighting,
     scene::Scene,
-    transport::{Layout, LightingPoint},
+    transport::Layout,
 };
 
 /// Version of the format.
 const SCHEMA: u32 = 1;
 
-/// A lighting of a scene.
+/// The file.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct Lighting {
+pub struct LightsFile {
     /// Must be 1.
     pub schema: u32,
     /// Factor on luminance before display encoding; the scene's when absent.
@@ -77,21 +78,21 @@ pub enum LightingError {
     Key { path: PathBuf, key: String, message: String },
 }
 
-impl Lighting {
-    /// The present lighting of a scene with the given background value.
+impl LightsFile {
+    /// The file of a lighting of a scene.
     #[must_use]
-    pub fn of(scene: &Scene, background: Option<f32>) -> Self {
+    pub fn new(scene: &Scene, x: &Lighting) -> Self {
+        let background = Background { value: x.value as f32 };
+        let settings = scene.lights.iter().zip(&x.radiance).zip(&x.size);
         Self {
             schema: SCHEMA,
-            exposure: Some(scene.exposure),
-            background: background.map(|value| Background { value }),
-            lights: scene
-                .lights
-                .iter()
-                .map(|l| LightSetting {
-                    name: l.name.clone(),
-                    radiance: l.radiance,
-                    size: l.has_size().then_some(l.size),
+            exposure: Some(x.exposure as f32),
+            background: (!scene.background().is_empty()).then_some(background),
+            lights: settings
+                .map(|((light, &radiance), &size)| LightSetting {
+                    name: light.name.clone(),
+                    radiance: radiance as f32,
+                    size: light.has_size().then_some(size as f32),
                 })
                 .collect(),
         }
@@ -112,11 +113,11 @@ impl Lighting {
         Ok(lighting)
     }
 
-    /// Lights a scene; `path` is for messages.
+    /// Sets what the file says in a lighting of a scene; `path` is for messages.
     ///
     /// # Errors
     /// With the key, when a name is unknown or a value outside its range.
-    pub fn apply(&self, scene: &mut Scene, path: &Path) -> Result<(), LightingError> {
+    pub fn apply(&self, scene: &Scene, x: &mut Lighting, path: &Path) -> Result<(), LightingError> {
         let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
         let require = |ok: bool, key: String, what: &str, value: f32| {
             if ok { Ok(()) } else { Err(fail(key, format!("must be {what}, got {value}"))) }
@@ -131,9 +132,15 @@ impl Lighting {
             };
             let ok = l.radiance >= 0.0 && l.radiance.is_finite();
             require(ok, format!("lights.{}.radiance", l.name), ">= 0", l.radiance)?;
-            let size = l.size.unwrap_or(scene.lights[i].size);
-            require(size > 0.0 && size.is_finite(), format!("lights.{}.size", l.name), "> 0", size)?;
-            scene.set_light(i, l.radiance, size);
+            x.radiance[i] = f64::from(l.radiance);
+            let Some(size) = l.size else { continue };
+            let (key, fixed) = (format!("lights.{}.size", l.name), scene.lights[i].size);
+            require(size > 0.0 && size.is_finite(), key.clone(), "> 0", size)?;
+            if scene.lights[i].occludes && size != fixed {
+                let message = format!("must be {fixed}, since the light occludes, got {size}");
+                return Err(fail(key, message));
+            }
+            x.size[i] = f64::from(size);
         }
         if let Some(Background { value }) = self.background {
             let albedo = scene.background_albedo();
@@ -144,17 +151,16 @@ impl Lighting {
                 &format!("in [0, {}], for albedos up to 1", 1.0 / albedo),
                 value,
             )?;
-            scene.set_background_value(value, value);
+            x.value = f64::from(value);
         }
         if let Some(e) = self.exposure {
             require(e > 0.0 && e.is_finite(), "exposure".into(), "> 0", e)?;
-            scene.exposure = e;
+            x.exposure = f64::from(e);
         }
         Ok(())
     }
 
-    /// Sets a lighting of a stored basis; returns the exposure, if there is one.
-    /// `path` is for messages.
+    /// Sets what the file says in a lighting of a stored basis; `path` is for messages.
     ///
     /// # Errors
     /// With the key, when a name is unknown or a value is not in the basis.
@@ -162,9 +168,9 @@ impl Lighting {
         &self,
         about: &About,
         layout: &Layout,
-        x: &mut LightingPoint,
+        x: &mut Lighting,
         path: &Path,
-    ) -> Result<Option<f64>, LightingError> {
+    ) -> Result<(), LightingError> {
         let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
         for l in &self.lights {
             let Some(i) = about.lights.iter().position(|n| *n == l.name) else {
@@ -209,11 +215,12 @@ impl Lighting {
             }
             x.value = value.min(largest);
         }
-        if let Some(e) = self.exposure
-            && !(e > 0.0 && e.is_finite())
-        {
-            return Err(fail("exposure".into(), format!("must be > 0, got {e}")));
+        if let Some(e) = self.exposure {
+            if !(e > 0.0 && e.is_finite()) {
+                return Err(fail("exposure".into(), format!("must be > 0, got {e}")));
+            }
+            x.exposure = f64::from(e);
         }
-        Ok(self.exposure.map(f64::from))
+        Ok(())
     }
 }

@@ -5,11 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     integrator::aov::Aovs,
+    lighting::Lighting,
     math::display::LuminanceMode,
     objective::{Objective, ObjectiveError, Target},
-    params::{ParamVector, Scale, Variable, VariableKind},
     scene::Scene,
-    transport::{LightingPoint, TransportBasis},
+    transport::TransportBasis,
+    variables::{ParamVector, Scale, Variable, VariableKind},
 };
 
 /// About a stored basis.
@@ -21,9 +22,7 @@ pub struct About {
     pub lights: Vec<String>,
     /// The lighting of what is not set otherwise.
     #[serde(flatten)]
-    pub fixed: LightingPoint,
-    /// Factor on luminance before display encoding.
-    pub exposure: f64,
+    pub fixed: Lighting,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
     /// Lengths of runs of pixels off and on the main object, in turn.
@@ -52,7 +51,7 @@ impl About {
     #[must_use]
     pub fn new(
         scene: &Scene,
-        fixed: &LightingPoint,
+        fixed: &Lighting,
         aovs: &Aovs,
         variables: &ParamVector,
         luminance: LuminanceMode,
@@ -70,9 +69,8 @@ impl About {
         mask.push(run);
         Self {
             scene: scene.name.clone(),
-            lights: scene.lights.iter().map(|l| l.name.clone()).collect(),
+            lights: scene.light_names().into_iter().map(str::to_owned).collect(),
             fixed: fixed.clone(),
-            exposure: f64::from(scene.exposure),
             luminance,
             mask,
             variables: variables
@@ -96,7 +94,7 @@ impl About {
         let n = layout.lights.len();
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
             && self.mask.iter().sum::<usize>() == layout.n_pixels()
-            && self.variables.iter().all(|v| self.kind(&v.name).is_some())
+            && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
     }
 
     /// The pixels of the main object.
@@ -105,39 +103,20 @@ impl About {
         self.mask.iter().enumerate().flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n)).collect()
     }
 
-    fn kind(&self, name: &str) -> Option<VariableKind> {
-        if name == "background.value" {
-            return Some(VariableKind::Background);
-        }
-        let (light, what) = name.rsplit_once('.')?;
-        let l = self.lights.iter().position(|n| n == light)?;
-        match what {
-            "radiance" => Some(VariableKind::Radiance(l)),
-            "size" => Some(VariableKind::Size(l)),
-            _ => None,
-        }
-    }
-
     /// The variables.
     #[must_use]
     pub fn variables(&self) -> ParamVector {
         let variables = self.variables.iter().filter_map(|v| {
-            Some(Variable {
-                name: v.name.clone(),
-                unit: "",
-                lower: v.lower,
-                upper: v.upper,
-                initial: v.initial,
-                scale: v.scale,
-                kind: self.kind(&v.name)?,
-            })
+            let (kind, light) = VariableKind::of_name(&v.name, &self.lights)?;
+            let StoredVariable { ref name, lower, upper, initial, scale } = *v;
+            Some(Variable { name: name.clone(), unit: "", lower, upper, initial, scale, kind, light })
         });
         ParamVector { variables: variables.collect() }
     }
 
     /// The lighting of what is not set otherwise, at the start of the variables.
     #[must_use]
-    pub fn lighting(&self) -> LightingPoint {
+    pub fn lighting(&self) -> Lighting {
         let variables = self.variables();
         let initial: Vec<f64> = variables.variables.iter().map(|v| v.initial).collect();
         variables.lighting(self.fixed.clone(), &initial)

@@ -66,7 +66,7 @@ impl Camera {
         let forward = (look_at - position).try_normalize()?;
         let right = forward.cross(up).try_normalize()?;
         let tan = (vfov.to_radians() * 0.5).tan();
-        let mut camera = Self {
+        let camera = Self {
             position,
             lens: None,
             right,
@@ -75,8 +75,7 @@ impl Camera {
             half: Vec2::splat(tan),
             size,
         };
-        camera.resize(size);
-        Some(camera)
+        Some(camera.resized(size))
     }
 
     /// The camera with a lens; `None` makes it a pinhole again.
@@ -91,10 +90,11 @@ impl Camera {
         self.lens
     }
 
-    /// Changes the film size; the vertical field of view stays.
-    pub fn resize(&mut self, size: UVec2) {
-        self.size = size;
-        self.half.x = self.half.y * size.x as f32 / size.y as f32;
+    /// The camera with a film of another size in pixels; the vertical field of view stays.
+    #[must_use]
+    pub fn resized(&self, size: UVec2) -> Self {
+        let half = Vec2::new(self.half.y * size.x as f32 / size.y as f32, self.half.y);
+        Self { size, half, ..self.clone() }
     }
 
     /// Film size in pixels.

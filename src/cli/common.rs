@@ -3,15 +3,22 @@
 use std::path::Path;
 
 use anyhow::{Context, bail};
-use clap::Args;
+use clap::{
+    Args,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
 use glam::UVec2;
 
 use super::LuminanceArg;
 use crate::{
+    audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
+    import::{self, Loaded},
     integrator::{Integrator, IntegratorKind},
+    lighting::Lighting,
     sampler::SamplerKind,
-    scene::{self, Scene},
+    scene::Scene,
+    variables::{KINDS, VariableKind},
 };
 
 /// How light is simulated.
@@ -106,23 +113,41 @@ pub fn parse_spp(text: &str) -> Result<u32, String> {
 /// Loads a scene and prints what its loader noticed.
 ///
 /// # Errors
-/// Those of [`scene::load`].
-pub fn load_scene(path: &Path, exposure: Option<f64>, say: impl Fn(&str)) -> anyhow::Result<Scene> {
-    let mut scene = scene::load(path)?;
-    for warning in &scene.warnings {
-        say(warning);
-    }
-    if let Some(e) = exposure {
-        scene.exposure = e as f32;
-    }
-    if scene.lights.is_empty() {
-        let sidecar = scene::builder::find(path)?.with_extension("toml");
+/// Those of [`import::load`], or when there are no lights.
+pub fn load_scene(path: &Path, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
+    let loaded = import::load(path)?;
+    loaded.warnings.iter().for_each(|warning| say(warning));
+    if loaded.scene.lights.is_empty() {
+        let sidecar = import::find(path)?.with_extension("toml");
         bail!(
             "{}: `lights`: the scene has no lights; add [[lights]], or a material with `emission`",
             sidecar.display()
         );
     }
-    Ok(scene)
+    Ok(loaded)
+}
+
+/// The lighting that a scene's author gave it, with that of a `lights.toml` and an exposure in its
+/// place where they are given.
+///
+/// # Errors
+/// Those of [`LightsFile::load`] and [`LightsFile::apply`].
+pub fn lighting(scene: &Scene, lights: Option<&Path>, exposure: Option<f64>) -> anyhow::Result<Lighting> {
+    let mut lighting = Lighting::authored(scene);
+    if let Some(path) = lights {
+        LightsFile::load(path)?.apply(scene, &mut lighting, path)?;
+    }
+    if let Some(e) = exposure {
+        lighting.exposure = f64::from(e as f32);
+    }
+    Ok(lighting)
+}
+
+/// Parses a kind of variable.
+pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
+    let possible = KINDS.map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
+    let parser = PossibleValuesParser::new(possible);
+    parser.try_map(|word| VariableKind::named(&word).ok_or("no such kind of variable"))
 }
 
 /// The measure of luminance asked for.

@@ -6,10 +6,10 @@ use clap::{Args, ValueEnum};
 use glam::UVec2;
 
 use super::{
-    common::{load_scene, parse_size},
+    common::{lighting, load_scene, parse_size},
     progress::Console,
 };
-use crate::{audit::lights::Lighting, design::Reporter, export::mitsuba};
+use crate::{design::Reporter, export::mitsuba, integrator::View};
 
 /// Renderers that scenes can be exported to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -58,15 +58,12 @@ pub struct ExportArgs {
 /// When the scene or the lighting is wrong, cannot be represented, or cannot be written.
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let console = Console::new();
-    let mut scene = load_scene(&args.scene, None, |w| console.note(w))?;
-    if let Some(path) = &args.lights {
-        Lighting::load(path)?.apply(&mut scene, path)?;
-    }
-    if let Some(size) = args.size {
-        scene.camera.resize(size);
-    }
+    let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
+    let lighting = lighting(&scene, args.lights.as_deref(), None)?;
+    let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
+    let view = View { scene: &scene, camera: &camera };
     let warnings = match args.format {
-        Format::Mitsuba => mitsuba::write(&scene, usize::from(args.max_depth), &args.output)?,
+        Format::Mitsuba => mitsuba::write(view, &lighting, usize::from(args.max_depth), &args.output)?,
     };
     console.finish();
     for warning in warnings {

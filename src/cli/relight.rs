@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::{LuminanceArg, print};
 use crate::{
-    audit::{lights::Lighting, picture, stored::About},
+    audit::{lights::LightsFile, picture, stored::About},
     film::{exr::write_exr, image_file::write_png},
     integrator::aov::Aovs,
     transport::TransportBasis,
@@ -66,10 +66,10 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = load(&args.basis)?;
     let mut x = about.lighting();
-    let mut exposure = about.exposure;
     if let Some(path) = &args.lights {
-        exposure = Lighting::load(path)?.apply_to(&about, basis.layout(), &mut x, path)?.unwrap_or(exposure);
+        LightsFile::load(path)?.apply_to(&about, basis.layout(), &mut x, path)?;
     }
+    let exposure = x.exposure;
     let shown = basis.picture(&x);
     if is_exr {
         let mode = args.luminance.map_or(about.luminance, Into::into);

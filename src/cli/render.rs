@@ -8,16 +8,20 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    common::{TransportArgs, load_scene, parse_size, parse_spp},
+    common::{TransportArgs, lighting, load_scene, parse_size, parse_spp},
     parse_exposure,
     progress::{Console, catch_interrupts},
 };
 use crate::{
-    audit::{lights::Lighting, picture},
-    design::{Camera, Reporter},
+    audit::picture,
+    design::{
+        Reporter,
+        render::{Budget, Renderer},
+    },
     files::atomic::probe,
     film::{exr::write_exr, image_file::write_png},
-    integrator::aov,
+    integrator::{View, aov},
+    lighting::SamplingPlan,
     math::display::LuminanceMode,
 };
 
@@ -83,41 +87,36 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let console = Console::new();
     catch_interrupts("stopping")?;
     let result = args.transport.in_pool(|| {
-        let mut scene = load_scene(&args.scene, None, |w| console.note(w))?;
-        if let Some(path) = &args.lights {
-            Lighting::load(path)?.apply(&mut scene, path)?;
-        }
-        if let Some(e) = args.exposure {
-            scene.exposure = e as f32;
-        }
-        if let Some(size) = args.size {
-            scene.camera.resize(size);
-        }
-        scene.select_shining_lights();
-        console.stage("rendering", Some(u64::from(scene.camera.size().y)));
-        let camera = Camera {
+        let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
+        let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
+        let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
+        let view = View { scene: &scene, camera: &camera };
+        console.stage("rendering", Some(u64::from(camera.size().y)));
+        let renderer = Renderer {
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
             luminance: LuminanceMode::Srgb,
         };
-        let shot = camera.shoot(&scene, args.transport.seed, args.spp, 1, &console)?;
-        let exposure = f64::from(scene.exposure);
+        let budget = Budget { seed: args.transport.seed, spp: args.spp, n_replicates: 1 };
+        let plan = SamplingPlan::for_picture(&lighting);
+        let picture = renderer.render(view, &lighting, &plan, budget, &console)?.picture;
+        let exposure = lighting.exposure;
         if is_png {
-            write_png(&output, &picture::beauty(&shot.picture), exposure)?;
+            write_png(&output, &picture::beauty(&picture), exposure)?;
         } else {
-            let names: Vec<&str> = scene.lights.iter().map(|l| l.name.as_str()).collect();
+            let names = scene.light_names();
             let attribute = json!({
                 "scene": scene.name,
-                "exposure": scene.exposure,
-                "luminance": camera.luminance,
-                "integrator": camera.integrator.kind,
+                "exposure": exposure,
+                "luminance": renderer.luminance,
+                "integrator": renderer.integrator.kind,
                 "spp": args.spp,
                 "seed": args.transport.seed,
                 "version": env!("CARGO_PKG_VERSION"),
                 "commit": env!("LIGHTOPT_COMMIT"),
             });
-            let aovs = aov::trace(&scene);
-            let exr = picture::exr(&shot.picture, &aovs, &names, exposure, camera.luminance, attribute);
+            let aovs = aov::trace(view, lighting.value as f32);
+            let exr = picture::exr(&picture, &aovs, &names, exposure, renderer.luminance, attribute);
             write_exr(&output, &exr)?;
         }
         Ok(())

@@ -13,16 +13,17 @@ use serde_json::json;
 
 use super::{
     LuminanceArg,
-    common::{TransportArgs, load_scene, luminance_mode, parse_size, parse_spp},
+    common::{TransportArgs, free_kinds, lighting, load_scene, luminance_mode, parse_size, parse_spp},
     parse_exposure, print,
     progress::{Console, catch_interrupts},
 };
 use crate::{
     audit::{STAGING, write_whole},
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, attainable, attainable::Reach},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
+    import::{self, Loaded},
     objective::Term,
     photo::Look,
-    scene::sidecar::{FreeKind, FreeVariables},
+    variables::{FreeKinds, VariableKind},
 };
 
 /// Find the lights that give a scene a look, and render it
@@ -95,8 +96,8 @@ pub struct RunArgs {
     pub final_spp: u32,
 
     /// What may vary [default: the sidecar's, else all]
-    #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_enum)]
-    pub free: Option<Vec<FreeKind>>,
+    #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_parser = free_kinds())]
+    pub free: Option<Vec<VariableKind>>,
 
     /// How gradients are found
     #[arg(long, value_enum, default_value_t)]
@@ -192,11 +193,12 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     for (_, out) in &wanted {
         crate::audit::RunDir::check(out, args.force)?;
     }
-    let scene_path = crate::scene::builder::find(&args.scene)?;
+    let scene_path = import::find(&args.scene)?;
     let console = Console::new();
     catch_interrupts("finishing with the best so far")?;
     let done = args.transport.in_pool(|| {
-        let mut scene = load_scene(&args.scene, args.exposure, |w| console.note(w))?;
+        let Loaded { scene, wishes, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        let authored = lighting(&scene, None, args.exposure)?;
         let size = args.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
@@ -223,13 +225,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             work_size,
             spp: args.spp,
             final_spp: args.final_spp,
-            free: args.free.clone().map_or_else(|| scene.free.clone(), FreeVariables),
+            free: args.free.clone().map_or_else(|| wishes.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
             force: args.force,
         };
-        let reports = design::run(&mut scene, &scene_path, &options, &console)?;
-        if let Some(sidecar) = &scene.staging {
+        let subject = Subject { scene: &scene, path: &scene_path, authored: &authored, wishes: &wishes };
+        let reports = design::run(subject, &options, &console)?;
+        if let Some(sidecar) = &staging {
             for job in &jobs {
                 write_whole(&job.out.join(STAGING), sidecar)?;
             }

@@ -8,12 +8,12 @@ use plotters::prelude::*;
 
 use super::relight;
 use crate::{
-    audit::{lights::Lighting, write_whole},
+    audit::{lights::LightsFile, write_whole},
     design::evaluator::Evaluator,
     files::nearest,
     objective::{JackknifeEstimate, LABELLINGS, Term},
-    params::ParamVector,
     photo::Look,
+    variables::ParamVector,
 };
 
 /// Measure f_q and its terms along a variable, without rendering
@@ -74,10 +74,8 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         bail!("{}: no variable `{}`; {hint}", args.basis.display(), args.variable);
     };
     let mut fixed = about.lighting();
-    let mut exposure = about.exposure;
     if let Some(path) = &args.lights {
-        let given = Lighting::load(path)?.apply_to(&about, basis.layout(), &mut fixed, path)?;
-        exposure = given.unwrap_or(exposure);
+        LightsFile::load(path)?.apply_to(&about, basis.layout(), &mut fixed, path)?;
     }
     let objective = about.objective(&target, &basis)?;
     let variables = ParamVector { variables: vec![variable.clone()] };
@@ -88,7 +86,6 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         variables: &variables,
         fixed: &fixed,
         luminance: about.luminance,
-        exposure,
         least_sizes: &[],
     };
     let mut rows: Vec<(f64, JackknifeEstimate)> = Vec::new();
@@ -96,7 +93,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         let u = f64::from(i) / f64::from(args.steps - 1);
         rows.push((variable.decode(u), evaluator.estimate(&[u], LABELLINGS)?));
     }
-    let here = *variable.kind.of(&mut fixed);
+    let here = *variable.kind.value(&mut fixed, variable.light);
     write_whole(&args.output, table(&args.variable, &rows))?;
     let plot_path = args.output.with_extension("png");
     write_whole(&plot_path, plot(&args.variable, target.name(), here, &rows)?)?;

@@ -10,8 +10,8 @@ use crate::{
     audit::write_whole,
     design::Reporter,
     files::atomic::probe,
-    scene::{
-        builder,
+    import::{
+        self, builder,
         sidecar::UpAxis,
         stage::{StageOptions, Staging},
     },
@@ -71,7 +71,7 @@ fn parse_degrees(text: &str) -> Result<f32, String> {
 /// # Errors
 /// When the scene cannot be read, or the sidecar exists or cannot be written.
 pub fn stage(args: &StageArgs) -> anyhow::Result<()> {
-    let scene = builder::find(&args.scene)?;
+    let scene = import::find(&args.scene)?;
     let output = args.output.clone().unwrap_or_else(|| scene.with_extension("toml"));
     if output.exists() && !args.force {
         bail!("{}: exists; --force replaces it", output.display());

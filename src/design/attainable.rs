@@ -13,7 +13,7 @@ use super::{
 use crate::{
     objective::{Evaluation, ObjectiveError, Smoothing, Term, TermValue},
     optim,
-    params::{ParamVector, VariableKind},
+    variables::ParamVector,
 };
 
 /// Points of the box at which every term is measured.
@@ -161,16 +161,13 @@ pub fn degenerate(result: &Evaluation, variables: &ParamVector, x: &[f64]) -> Op
     if !is_dark || result.get(Term::Hist).f > 0.3 {
         return None;
     }
-    let background = variables.variables.iter().zip(x).find(|(v, _)| v.kind == VariableKind::Background);
-    let advice = match background {
-        None => {
-            "let the background's value vary (--free, or a background material in the sidecar)".to_owned()
-        }
-        Some((v, x)) if *x <= v.lower * 1.01 => format!(
-            "the background is as dark as it may be ({} = {x:.3}): allow less, or keep a light off it by moving or narrowing it",
-            v.name
-        ),
-        Some(_) => "move or narrow a light, so that it lights the object and not the background".to_owned(),
+    let mut at = variables.variables.iter().zip(x);
+    let advice = if at.clone().all(|(v, _)| v.kind.keyword() != "background") {
+        "let the background's value vary (--free, or a background material in the sidecar)".to_owned()
+    } else {
+        at.find_map(|(v, &x)| v.kind.advice_for_darkness(v, x)).unwrap_or_else(|| {
+            "move or narrow a light, so that it lights the object and not the background".to_owned()
+        })
     };
     Some(format!(
         "the object is almost black (mean {:.3}, {:.3} wanted): the histogram is met by darkness; {advice}",

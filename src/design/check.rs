@@ -3,18 +3,29 @@
 use rayon::prelude::*;
 
 use super::{
-    Reporter, RunError, Setting, Unstoppable,
-    engine::{Aim, REPLICATES},
+    Reporter, RunError,
+    observer::Unstoppable,
     precision::{MAX_SAMPLES, Precision},
+    run::MAX_TOGETHER,
+    setup::Setup,
+    working_basis::{Focus, REPLICATES},
 };
 use crate::{
-    film::{LightState, Region, RgbFilm},
-    integrator::{Sampling, Values},
-    light::SizeDensity,
+    film::RgbFilm,
+    integrator::{Samples, Values},
+    light::{LightSampler, SizeDensity},
+    lighting::{Lighting, SamplingPlan},
     math::display::luminance,
-    objective::{JackknifeEstimate, LABELLINGS, Objective, Replicates},
-    transport::LightingPoint,
+    objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
 };
+
+/// What a check measured.
+pub struct Checks {
+    /// f_q per lighting.
+    pub estimates: Vec<JackknifeEstimate>,
+    /// Renders that it took.
+    pub renders: u64,
+}
 
 /// f_q of some lightings, each by its own objective, from one render of their pictures, with
 /// hard edges: of `spp` samples per pixel over all replicates, and more until every error is
@@ -24,92 +35,103 @@ use crate::{
 /// When a render fails.
 ///
 /// # Panics
-/// With more than [`super::MAX_TOGETHER`] lightings.
+/// With more than [`MAX_TOGETHER`] lightings.
 pub fn check(
-    aims: &[Aim],
+    foci: &[Focus],
     objectives: &[&Objective],
-    setting: &mut Setting,
+    setup: Setup,
     seed: u64,
     spp: u32,
-    renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<Vec<JackknifeEstimate>, RunError> {
-    match aims.len() {
-        1 => check_nodes::<1>(aims, objectives, setting, seed, spp, renders, reporter),
-        2 => check_nodes::<2>(aims, objectives, setting, seed, spp, renders, reporter),
-        _ => check_nodes::<{ super::MAX_TOGETHER }>(aims, objectives, setting, seed, spp, renders, reporter),
+) -> Result<Checks, RunError> {
+    match foci.len() {
+        1 => check_nodes::<1>(foci, objectives, setup, seed, spp, reporter),
+        2 => check_nodes::<2>(foci, objectives, setup, seed, spp, reporter),
+        _ => check_nodes::<MAX_TOGETHER>(foci, objectives, setup, seed, spp, reporter),
     }
 }
 
+/// As [`check`], with a node of the background's value for each of up to `N` lightings.
 fn check_nodes<const N: usize>(
-    aims: &[Aim],
+    foci: &[Focus],
     objectives: &[&Objective],
-    setting: &mut Setting,
+    setup: Setup,
     seed: u64,
     mut spp: u32,
-    renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<Vec<JackknifeEstimate>, RunError> {
-    let Setting { camera, options, .. } = *setting;
-    let scene = &mut *setting.scene;
-    // The first node of the background's value is the largest.
-    let mut order: Vec<usize> = (0..aims.len()).collect();
-    let value = |i: usize| aims[i].lighting.value;
-    order.sort_by(|&a, &b| value(b).total_cmp(&value(a)));
-    let node_of = |aim: usize| order.iter().position(|&i| i == aim).unwrap_or(0);
-    let nodes = Values::<N>(std::array::from_fn(|k| order.get(k).map_or(0.0, |&i| value(i) as f32)));
-    scene.set_background_value(nodes.0[0], nodes.0[0]);
-    let lightings: Vec<Vec<LightState>> = order
-        .iter()
-        .map(|&i| {
-            let LightingPoint { radiance, size, .. } = &aims[i].lighting;
-            let state = |(&l, &s): (&f64, &f64)| LightState { radiance: l as f32, size: s as f32 };
-            radiance.iter().zip(size).map(state).collect()
-        })
-        .collect();
-    for (l, light) in scene.lights.iter_mut().enumerate() {
-        let sizes = Aim::sizes(aims, l);
-        let is_same = sizes.iter().all(|s| s.0 == sizes[0].0);
-        light.size_density =
-            if is_same { SizeDensity::uniform_area(sizes[0].0) } else { SizeDensity::one_of(&sizes) };
-    }
-    scene.select_lights(&Aim::light_weights(aims));
+) -> Result<Checks, RunError> {
+    let order = by_falling_value(foci);
+    let value = |k: usize| order.get(k).map_or(0.0, |&i| foci[i].lighting.value as f32);
+    let values = Values::<N>(std::array::from_fn(value));
+    let lightings: Vec<&Lighting> = order.iter().map(|&i| &foci[i].lighting).collect();
+    let plan = sampling(foci, setup, values.0[0]);
+    let renderer = setup.renderer();
 
-    let film = || RgbFilm::<N>::of_lightings(Region::full(scene.camera.size()), &lightings, scene.exposure);
+    let film = || RgbFilm::<N>::by_lighting(setup.camera.size(), &lightings);
     let mut films: Vec<RgbFilm<N>> = (0..REPLICATES).map(|_| film()).collect();
-    let rows = u64::from(options.work_size.y) * REPLICATES as u64;
-    let observer = Unstoppable(reporter);
-    let mut first = 0;
+    let rows = u64::from(setup.options.work_size.y) * REPLICATES as u64;
+    let (mut first, mut renders) = (0, 0);
     loop {
         reporter.stage("checking the result with new samples", Some(rows));
         let count = spp.div_ceil(REPLICATES as u32).max(1);
-        let sampling = Sampling { sampler: camera.sampler, seed, first, count };
+        let samples = Samples { sampler: renderer.sampler, seed, first, count };
         for (r, film) in films.iter_mut().enumerate() {
-            let replicate = sampling.replicate(r as u64);
-            camera.integrator.render_values(scene, &nodes, film, &[replicate], &observer)?;
+            let replicate = [samples.replicate(r as u64)];
+            let observer = Unstoppable(reporter);
+            renderer.integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
         }
         first += count;
-        *renders += 1;
-        let estimates: Vec<JackknifeEstimate> = (0..aims.len())
-            .into_par_iter()
-            .map(|i| {
-                let pixel = |film: &RgbFilm<N>, p| {
-                    luminance(film.sum(p, node_of(i)).map(|v| (v / f64::from(first)) as f32))
-                };
-                let n = scene.camera.size().element_product() as usize;
-                let linear: Vec<Vec<f64>> =
-                    films.iter().map(|film| (0..n).map(|p| pixel(film, p)).collect()).collect();
-                let exposure = f64::from(scene.exposure);
-                let replicates = Replicates { linear: &linear, luminance: camera.luminance, exposure };
-                replicates.measure(objectives[i], LABELLINGS)
-            })
-            .collect::<Result<_, _>>()?;
+        renders += 1;
+        let measured = order.par_iter().enumerate().map(|(node, &i)| {
+            Ok((i, measure(&films, node, first, objectives[i], setup, &foci[i].lighting)?))
+        });
+        let mut estimates = measured.collect::<Result<Vec<_>, ObjectiveError>>()?;
+        estimates.sort_by_key(|(i, _)| *i);
+        let estimates: Vec<JackknifeEstimate> = estimates.into_iter().map(|(_, e)| e).collect();
         let now = first * REPLICATES as u32;
-        let precision = Precision::reported(options.tolerance);
+        let precision = Precision::reported(setup.options.tolerance);
         let wanted = estimates.iter().filter(|e| !precision.is_met(e)).map(|e| precision.more(now, e)).max();
         match wanted {
             Some(wanted) if now < MAX_SAMPLES && !reporter.cancelled() => spp = wanted,
-            _ => return Ok(estimates),
+            _ => return Ok(Checks { estimates, renders }),
         }
     }
+}
+
+/// Indices of the lightings, the largest value of the background first: what samples follow.
+fn by_falling_value(foci: &[Focus]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..foci.len()).collect();
+    order.sort_by(|&a, &b| foci[b].lighting.value.total_cmp(&foci[a].lighting.value));
+    order
+}
+
+/// Samples the sizes and the lights of all lightings.
+fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
+    let density = |light: usize| {
+        let sizes = Focus::sizes(foci, light);
+        let is_same = sizes.iter().all(|s| s.0 == sizes[0].0);
+        if is_same { SizeDensity::uniform_area(sizes[0].0) } else { SizeDensity::one_of(&sizes) }
+    };
+    SamplingPlan {
+        lights: LightSampler::new(&Focus::light_weights(foci)),
+        sizes: (0..setup.scene.lights.len()).map(density).collect(),
+        largest_value,
+        ..setup.plan(&foci[0].lighting)
+    }
+}
+
+/// f_q of the picture at a node of the background's value, from `samples` per pixel and replicate.
+fn measure<const N: usize>(
+    films: &[RgbFilm<N>],
+    node: usize,
+    samples: u32,
+    objective: &Objective,
+    setup: Setup,
+    lighting: &Lighting,
+) -> Result<JackknifeEstimate, ObjectiveError> {
+    let pixel = |film: &RgbFilm<N>, p| luminance(film.sum(p, node).map(|v| (v / f64::from(samples)) as f32));
+    let n = setup.camera.size().element_product() as usize;
+    let linear: Vec<Vec<f64>> = films.iter().map(|film| (0..n).map(|p| pixel(film, p)).collect()).collect();
+    let (luminance, exposure) = (setup.options.luminance, lighting.exposure);
+    Replicates { linear: &linear, luminance, exposure }.measure(objective, LABELLINGS)
 }

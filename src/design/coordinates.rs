@@ -5,13 +5,18 @@
 //! of L it is straight and lies along an axis. s₀ is the size where a descent begins: there
 //! both coordinates are the same.
 
-use crate::params::{ParamVector, VariableKind};
+use crate::variables::ParamVector;
 
-/// A light of which radiance and size are free.
+/// Two free variables of a light: one to which its flux is proportional, and one to a power of which
+/// it is.
 struct Pair {
+    /// Index of the variable to which the flux is proportional.
     radiance: usize,
+    /// Index of the other variable.
     size: usize,
-    /// s₀.
+    /// Power of the other variable to which the flux is proportional.
+    power: i32,
+    /// Value s₀ of the other variable at which both coordinates are the same.
     origin: f64,
 }
 
@@ -23,11 +28,12 @@ pub(super) struct Coordinates<'a> {
 
 impl<'a> Coordinates<'a> {
     pub fn around(u: &[f64], variables: &'a ParamVector) -> Self {
-        let of = |kind| variables.variables.iter().position(|v| v.kind == kind);
-        let pairs = variables.variables.iter().enumerate().filter_map(|(radiance, v)| {
-            let VariableKind::Radiance(light) = v.kind else { return None };
-            let size = of(VariableKind::Size(light)).filter(|_| v.upper > v.lower)?;
-            Some(Pair { radiance, size, origin: variables.variables[size].decode(u[size]) })
+        let all = || variables.variables.iter().enumerate();
+        let pairs = all().filter(|(_, v)| v.kind.flux_power() == Some(1) && v.upper > v.lower);
+        let pairs = pairs.filter_map(|(radiance, of)| {
+            let mut others = all().filter(|(i, v)| v.light == of.light && *i != radiance);
+            let (size, power) = others.find_map(|(i, v)| Some((i, v.kind.flux_power()?)))?;
+            Some(Pair { radiance, size, power, origin: variables.variables[size].decode(u[size]) })
         });
         Self { pairs: pairs.collect(), variables }
     }
@@ -38,7 +44,7 @@ impl<'a> Coordinates<'a> {
         for pair in &self.pairs {
             let of = &self.variables.variables[pair.radiance];
             let size = self.variables.variables[pair.size].decode(y[pair.size]);
-            let radiance = of.decode(y[pair.radiance]) * (pair.origin / size).powi(2);
+            let radiance = of.decode(y[pair.radiance]) * (pair.origin / size).powi(pair.power);
             u[pair.radiance] = if radiance < of.upper { of.encode(radiance) } else { 1.0 };
         }
         u
@@ -55,7 +61,7 @@ impl<'a> Coordinates<'a> {
         for pair in &self.pairs {
             let [of, size] = [pair.radiance, pair.size].map(|i| &self.variables.variables[i]);
             let s = size.decode(y[pair.size]);
-            let ratio = (pair.origin / s).powi(2);
+            let ratio = (pair.origin / s).powi(pair.power);
             let radiance = of.decode(y[pair.radiance]) * ratio;
             if radiance > of.upper {
                 gradient[pair.radiance] = 0.0;
@@ -63,7 +69,8 @@ impl<'a> Coordinates<'a> {
             }
             let by_radiance = gradient[pair.radiance] / of.slope(u[pair.radiance]);
             gradient[pair.radiance] = by_radiance * ratio * of.slope(y[pair.radiance]);
-            gradient[pair.size] -= by_radiance * 2.0 * radiance / s * size.slope(y[pair.size]);
+            gradient[pair.size] -=
+                by_radiance * f64::from(pair.power) * radiance / s * size.slope(y[pair.size]);
         }
     }
 }
@@ -71,24 +78,25 @@ impl<'a> Coordinates<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::params::{Scale, Variable};
+    use crate::variables::{Scale, Variable, VariableKind};
 
     fn variables() -> ParamVector {
-        let of = |name: &str, lower, upper, scale, kind| Variable {
-            name: name.into(),
+        let of = |lower, upper, scale, kind, light| Variable {
+            name: format!("{light}.{kind}"),
             unit: "",
             lower,
             upper,
             initial: lower,
             scale,
-            kind,
+            kind: VariableKind::named(kind).unwrap(),
+            light,
         };
         ParamVector {
             variables: vec![
-                of("radiance", 0.0, 50.0, Scale::Perceptual, VariableKind::Radiance(0)),
-                of("size", 0.1, 4.0, Scale::Logarithmic, VariableKind::Size(0)),
-                of("another radiance", 0.0, 9.0, Scale::Perceptual, VariableKind::Radiance(1)),
-                of("value", 0.0, 2.0, Scale::Perceptual, VariableKind::Background),
+                of(0.0, 50.0, Scale::Perceptual, "radiance", 0),
+                of(0.1, 4.0, Scale::Logarithmic, "size", 0),
+                of(0.0, 9.0, Scale::Perceptual, "radiance", 1),
+                of(0.0, 2.0, Scale::Perceptual, "background", 0),
             ],
         }
     }

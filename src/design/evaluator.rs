@@ -5,16 +5,15 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use crate::{
+    lighting::Lighting,
     math::display::LuminanceMode,
     objective::{
         JackknifeEstimate, Jackknifed, N_SCALARS, Objective, ObjectiveError, Replicates, Residuals,
         Smoothing, Statistics,
     },
     optim::Moduli,
-    params::{ParamVector, Variable, VariableKind},
-    transport::{
-        LightingGradient, LightingPoint, Linearised, Recombination, Tables, Tangents, TransportBasis,
-    },
+    transport::{LightingGradient, Linearised, Recombination, Tables, Tangents, TransportBasis},
+    variables::ParamVector,
 };
 
 /// Points whose pictures are recombined at a time: their images stay in the caches.
@@ -33,13 +32,11 @@ pub struct Evaluator<'a> {
     /// What varies.
     pub variables: &'a ParamVector,
     /// The lighting where nothing varies.
-    pub fixed: &'a LightingPoint,
+    pub fixed: &'a Lighting,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
-    /// Factor on luminance.
-    pub exposure: f64,
-    /// The least size of each light of which there are samples enough, see [`Self::told`]; none is
-    /// any size.
+    /// Least size per light within which enough samples lie, see [`Self::lower_bounds`]; empty where
+    /// any size may be asked for.
     pub least_sizes: &'a [f64],
 }
 
@@ -84,7 +81,7 @@ struct Near<'a> {
 
 impl<'a> Near<'a> {
     /// The tables for `x`: `whole`, or what that is around a value that was there before.
-    fn tables(&mut self, whole: &'a TransportBasis, x: &LightingPoint) -> &dyn Tables {
+    fn tables(&mut self, whole: &'a TransportBasis, x: &Lighting) -> &dyn Tables {
         let again = self.last.replace(x.value) == Some(x.value);
         if !again || !self.follows || whole.layout().nodes.len() <= 2 {
             return whole;
@@ -101,24 +98,22 @@ impl<'a> Near<'a> {
 impl<'a> Evaluator<'a> {
     /// The lighting of values `x`.
     #[must_use]
-    pub fn lighting(&self, x: &[f64]) -> LightingPoint {
+    pub fn lighting(&self, x: &[f64]) -> Lighting {
         self.variables.lighting(self.fixed.clone(), x)
     }
 
-    /// Least coordinates in the unit cube of what samples tell: where hardly any lie within a light,
-    /// most pixels know nothing of it, and no comparison of replicates reveals that.
+    /// Lower bound per variable, in the unit cube, below which too few samples fall inside the light
+    /// for a reliable estimate: most pixels then know nothing of it, and no comparison of replicates
+    /// reveals that.
     #[must_use]
-    pub fn told(&self) -> Vec<f64> {
-        let least = |v: &Variable| match v.kind {
-            VariableKind::Size(light) => self.least_sizes.get(light).map_or(0.0, |&size| v.encode(size)),
-            _ => 0.0,
-        };
-        self.variables.variables.iter().map(least).collect()
+    pub fn lower_bounds(&self) -> Vec<f64> {
+        let variables = self.variables.variables.iter();
+        variables.map(|v| v.encode(v.kind.least_sampled(v, self.least_sizes))).collect()
     }
 
     /// Images of the replicates, encoded for the display: the mean and the means
     /// that leave one out; with their derivatives if wanted.
-    fn images(&self, x: &LightingPoint, differentiate: bool, scratch: &mut Scratch<'a>) {
+    fn images(&self, x: &Lighting, differentiate: bool, scratch: &mut Scratch<'a>) {
         let n = self.halves.layout().n_pixels();
         let count = self.halves.n_replicates();
         scratch.replicates.resize_with(count, Vec::new);
@@ -147,7 +142,7 @@ impl<'a> Evaluator<'a> {
             }
         }
         let encode = |y: &[f64], l: &mut [f64], slope: &mut [f64]| {
-            self.luminance.encode_all(y, self.exposure, l, slope);
+            self.luminance.encode_all(y, x.exposure, l, slope);
         };
         encode(mean, &mut display[0], &mut slopes[0]);
         let (rest, all) = (1.0 / (count as f64 - 1.0), count as f64);
@@ -254,14 +249,7 @@ impl<'a> Evaluator<'a> {
             tangents.pull_back(&of_replicate, &mut by_lighting);
         }
         for (by_lighting, gradient) in by_lighting.iter().zip(gradients) {
-            for ((v, &u), g) in self.variables.variables.iter().zip(u).zip(gradient) {
-                let slope = match v.kind {
-                    VariableKind::Radiance(l) => by_lighting.radiance[l],
-                    VariableKind::Size(l) => by_lighting.size[l],
-                    VariableKind::Background => by_lighting.value,
-                };
-                *g = slope * v.slope(u);
-            }
+            self.variables.pull_back(u, by_lighting, gradient);
         }
         Ok(())
     }
@@ -284,7 +272,7 @@ impl<'a> Evaluator<'a> {
         points: &[&[f64]],
         labellings: usize,
     ) -> Result<Vec<JackknifeEstimate>, ObjectiveError> {
-        let lightings: Vec<LightingPoint> =
+        let lightings: Vec<Lighting> =
             points.iter().map(|u| self.lighting(&self.variables.decode(u))).collect();
         let mut by_value: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
         for (i, x) in lightings.iter().enumerate() {
@@ -304,9 +292,12 @@ impl<'a> Evaluator<'a> {
             .flat_map(|(tables, of)| of.chunks(TOGETHER).map(move |part| (tables, part)))
             .collect();
         let measure = |&(tables, part): &(&dyn Tables, &[usize])| {
-            let of: Vec<&LightingPoint> = part.iter().map(|&i| &lightings[i]).collect();
+            let of: Vec<&Lighting> = part.iter().map(|&i| &lightings[i]).collect();
             let images = linear(tables, &of);
-            let measured = images.iter().map(|of| self.replicates(of).measure(self.objective, labellings));
+            let measured = images
+                .iter()
+                .zip(&of)
+                .map(|(images, x)| self.replicates(images, x).measure(self.objective, labellings));
             part.iter().copied().zip(measured).map(|(i, e)| Ok((i, e?))).collect::<Result<Vec<_>, _>>()
         };
         let mut measured = parts.par_iter().map(measure).collect::<Result<Vec<_>, _>>()?.concat();
@@ -314,8 +305,8 @@ impl<'a> Evaluator<'a> {
         Ok(measured.into_iter().map(|(_, e)| e).collect())
     }
 
-    fn replicates<'l>(&self, linear: &'l [Vec<f64>]) -> Replicates<'l> {
-        Replicates { linear, luminance: self.luminance, exposure: self.exposure }
+    fn replicates<'l>(&self, linear: &'l [Vec<f64>], x: &Lighting) -> Replicates<'l> {
+        Replicates { linear, luminance: self.luminance, exposure: x.exposure }
     }
 
     /// By how much [`Self::residuals`] at `u` are less than all replicates tell to the second order
@@ -335,14 +326,14 @@ impl<'a> Evaluator<'a> {
         let told = self.measure(u, smoothing, false, scratch)?.corrected;
         let x = self.lighting(&self.variables.decode(u));
         let linear = linear(self.basis, &[&x]).remove(0);
-        let known = self.replicates(&linear).second_order(self.objective, smoothing.ramp);
+        let known = self.replicates(&linear, &x).second_order(self.objective, smoothing.ramp);
         let [known, told] = [known, told].map(|z| self.objective.residuals(&z, smoothing).scalars);
         Ok(std::array::from_fn(|i| known[i].value - told[i].value))
     }
 }
 
 /// Linear luminance of all replicates of each of some lightings.
-fn linear(tables: &dyn Tables, lightings: &[&LightingPoint]) -> Vec<Vec<Vec<f64>>> {
+fn linear(tables: &dyn Tables, lightings: &[&Lighting]) -> Vec<Vec<Vec<f64>>> {
     let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(tables.layout(), x)).collect();
     let of: Vec<&Recombination> = of.iter().collect();
     let (n, n_replicates) = (tables.layout().n_pixels(), tables.n_replicates());

@@ -4,15 +4,14 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Gradient, RunOptions};
+use super::{Gradient, setup::Setup};
 use crate::{
     embree,
     integrator::IntegratorKind,
     math::{display::LuminanceMode, hash::hash_words},
     objective::Target,
-    params::ParamVector,
     sampler::SamplerKind,
-    scene::{Scene, sidecar::FreeVariables},
+    variables::{FreeKinds, ParamVector},
 };
 
 #[derive(Serialize)]
@@ -70,7 +69,7 @@ struct Options<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     spp: Option<u32>,
     final_spp: u32,
-    free: &'a FreeVariables,
+    free: &'a FreeKinds,
     seed: u64,
     max_evaluations: u32,
 }
@@ -100,13 +99,12 @@ pub fn content(scene_path: &Path) -> String {
 ///
 /// # Errors
 /// When a value cannot be written as TOML.
-pub fn text(
-    scene: &Scene,
+pub(super) fn text(
+    setup: Setup,
     (scene_path, content): (&Path, &str),
-    options: &RunOptions,
     target: &Target,
-    variables: &ParamVector,
 ) -> Result<String, toml::ser::Error> {
+    let (scene, options) = (setup.scene, setup.options);
     toml::to_string(&Manifest {
         schema: 1,
         program: Program {
@@ -124,8 +122,8 @@ pub fn text(
             path: scene_path.display().to_string(),
             content: content.to_owned(),
             triangles: scene.mesh.indices.len(),
-            lights: scene.lights.iter().map(|l| l.name.as_str()).collect(),
-            exposure: scene.exposure,
+            lights: scene.light_names(),
+            exposure: setup.fitted.lighting.exposure as f32,
         },
         options: Options {
             gradient: options.gradient,
@@ -150,6 +148,6 @@ pub fn text(
             max_evaluations: options.max_evaluations,
         },
         target,
-        variables,
+        variables: setup.variables,
     })
 }

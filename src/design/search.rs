@@ -19,7 +19,6 @@ use super::{
 use crate::{
     objective::{JackknifeEstimate, LABELLINGS, N_SCALARS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
-    params::VariableKind,
 };
 
 /// Points of the low-discrepancy set.
@@ -171,10 +170,10 @@ pub fn polish<'a>(
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<u32, OptimError> {
     let [few, more] = effort.evaluations;
-    let told = whole.told();
+    let lower = whole.lower_bounds();
     let at = |t: &Trial| {
         let u = t.polished.as_ref().map(|p| &p.u).or(t.end.as_ref())?;
-        Some(Coordinates::around(u, whole.variables).not_below(u, &told))
+        Some(Coordinates::around(u, whole.variables).not_below(u, &lower))
     };
     let ends: Vec<_> = trials.iter().enumerate().filter_map(|(i, t)| Some((i, at(t)?))).collect();
     let measure = |scratch: &mut Scratch<'a>, (i, u): (usize, Vec<f64>)| {
@@ -228,14 +227,14 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
         (u, f)
     };
-    let told = whole.told();
+    let lower = whole.lower_bounds();
     let mut best = measure(&mut Scratch::default(), u.to_vec());
     let mut tried = 1;
     let shares = whole.halves.shares(&whole.lighting(&whole.variables.decode(u)));
     let mut sizes: Vec<(usize, f64)> = Vec::new();
     for (i, v) in whole.variables.variables.iter().enumerate() {
-        if let VariableKind::Size(light) = v.kind {
-            sizes.push((i, shares[light]));
+        if v.kind.is_tried() {
+            sizes.push((i, shares[v.light]));
         }
     }
     sizes.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -243,7 +242,7 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
         let coordinates = Coordinates::around(&best.0, whole.variables);
         let at = |k: u32| {
             let mut y = best.0.clone();
-            y[i] = told[i] + (1.0 - told[i]) * f64::from(k) / f64::from(N_SIZES - 1);
+            y[i] = lower[i] + (1.0 - lower[i]) * f64::from(k) / f64::from(N_SIZES - 1);
             coordinates.to_cube(&y)
         };
         let points = (0..N_SIZES).into_par_iter().map(at).map_init(Scratch::default, measure);
@@ -304,7 +303,7 @@ pub fn refine(
     u: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Polished, OptimError> {
-    let u = Coordinates::around(u, whole.variables).not_below(u, &whole.told());
+    let u = Coordinates::around(u, whole.variables).not_below(u, &whole.lower_bounds());
     settle(whole, &u, Some(&estimate(whole, &u)?), THOROUGH.evaluations[1], cancelled)
 }
 
@@ -373,17 +372,18 @@ fn settle(
     };
     let tolerance = if known.is_some() { SETTLED_WELL } else { SETTLED };
     let coordinates = Coordinates::around(u, whole.variables);
-    let told = whole.told();
-    let outcome = optim::minimize_moduli(u, &told, &weights, &errors, tolerance, evaluations, |y, moduli| {
-        let u = &coordinates.to_cube(y);
-        if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
-            return ControlFlow::Break(Interrupt);
-        }
-        moduli.residuals.iter_mut().zip(&defects).for_each(|(r, defect)| *r += defect);
-        log.push((u.to_vec(), moduli.value(&weights, &errors), moduli.slope(&weights, &errors)));
-        moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
-        ControlFlow::Continue(())
-    });
+    let lower = whole.lower_bounds();
+    let outcome =
+        optim::minimize_moduli(u, &lower, &weights, &errors, tolerance, evaluations, |y, moduli| {
+            let u = &coordinates.to_cube(y);
+            if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
+                return ControlFlow::Break(Interrupt);
+            }
+            moduli.residuals.iter_mut().zip(&defects).for_each(|(r, defect)| *r += defect);
+            log.push((u.to_vec(), moduli.value(&weights, &errors), moduli.slope(&weights, &errors)));
+            moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
+            ControlFlow::Continue(())
+        });
     let (u, stop) = match outcome {
         Ok(outcome) => (coordinates.to_cube(&outcome.x), outcome.stop),
         Err(OptimError::NothingEvaluated) => (u.to_vec(), StopReason::Interrupted),

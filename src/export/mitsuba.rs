@@ -48,27 +48,41 @@ use self::materials::Compensations;
 pub use self::materials::compensation;
 use super::{ExportError, ply::Part};
 use crate::{
+    camera::Camera,
     files::write_atomically,
     film::exr::{ExrImage, ExrPart, write_exr},
-    scene::{Scene, material::Model},
+    integrator::View,
+    light::Light,
+    lighting::Lighting,
+    scene::{Material, Mesh, material::Model},
 };
 
 /// How far behind its emitting skin a body lies, over one plus the largest
 /// coordinate: thrice what Mitsuba moves the origin of a ray off a surface.
 const SKIN: f32 = 3.0 * 9e-5;
 
-/// Writes a scene as it is lit now into `directory`, made if it is not there.
+/// Writes a view of a scene in a lighting into `directory`, made if it is not there.
 /// Returns what a user should hear of.
 ///
 /// # Errors
 /// When a light has no exact counterpart (before anything is written), or a
 /// file cannot be written. `scene.xml` comes last.
-pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<String>, ExportError> {
-    let hide_emitters = lights::hide_emitters(&scene.lights)?;
-    lights::check(&scene.lights)?;
+pub fn write(
+    view: View,
+    lighting: &Lighting,
+    max_depth: usize,
+    directory: &Path,
+) -> Result<Vec<String>, ExportError> {
+    let View { scene, camera } = view;
+    let lights = lighting.lights(scene);
+    let hide_emitters = lights::hide_emitters(&lights)?;
+    lights::check(&lights)?;
     fs::create_dir_all(directory)
         .map_err(|source| ExportError::Directory { path: directory.to_path_buf(), source })?;
     let mut export = Export {
+        mesh: &scene.mesh,
+        materials: lighting.materials(scene),
+        lights: &lights,
         directory,
         hide_emitters,
         elements: String::new(),
@@ -76,12 +90,12 @@ pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<St
         compensations: Compensations::default(),
     };
     for i in 0..scene.materials.len() {
-        export.surface(scene, i)?;
+        export.surface(i)?;
     }
-    for l in &scene.lights {
+    for l in &lights {
         export.light(l)?;
     }
-    export.warn_of_lost_caustics(scene);
+    export.warn_of_lost_caustics();
     let text = format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n    \
          <default name=\"spp\" value=\"64\"/>\n    \
@@ -90,7 +104,7 @@ pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<St
          <integer name=\"max_depth\" value=\"{max_depth}\"/>\n        \
          <boolean name=\"hide_emitters\" value=\"{hide_emitters}\"/>\n    </integrator>\n\
          {}{}</scene>\n",
-        sensor(scene),
+        sensor(camera),
         export.elements
     );
     let path = directory.join("scene.xml");
@@ -102,6 +116,11 @@ pub fn write(scene: &Scene, max_depth: usize, directory: &Path) -> Result<Vec<St
 
 /// An export under way.
 struct Export<'a> {
+    mesh: &'a Mesh,
+    /// Materials with the background's value in their base colours.
+    materials: Vec<Material>,
+    /// Lights at the radiances and sizes exported.
+    lights: &'a [Light],
     directory: &'a Path,
     hide_emitters: bool,
     /// Shapes and emitters, XML.
@@ -112,15 +131,15 @@ struct Export<'a> {
 
 impl Export<'_> {
     /// The triangles of a material, with what they emit.
-    fn surface(&mut self, scene: &Scene, index: usize) -> Result<(), ExportError> {
-        let material = &scene.materials[index];
-        let part = Part::of_material(&scene.mesh, index as u32);
+    fn surface(&mut self, index: usize) -> Result<(), ExportError> {
+        let material = self.materials[index].clone();
+        let part = Part::of_material(self.mesh, index as u32);
         if part.is_empty() {
             return Ok(());
         }
         let stem = format!("{index:02}_{}", plain(&material.name));
-        let bsdf = self.bsdf(material, &part, &stem)?;
-        let Some((emitter, two_sided)) = self.mesh_emitter(scene, index, &stem)? else {
+        let bsdf = self.bsdf(&material, &part, &stem)?;
+        let Some((emitter, two_sided)) = self.mesh_emitter(index, &stem)? else {
             return self.ply(&part, &stem, &bsdf, "");
         };
         // Mitsuba emits from one side, about interpolated normals, and hides the body with the light.
@@ -162,15 +181,15 @@ impl Export<'_> {
 
     /// A path tracer that goes from the camera cannot follow light from a point
     /// through glass.
-    fn warn_of_lost_caustics(&mut self, scene: &Scene) {
-        let used = |m: usize| scene.mesh.materials.contains(&(m as u32));
-        let smooth = scene
+    fn warn_of_lost_caustics(&mut self) {
+        let used = |m: usize| self.mesh.materials.contains(&(m as u32));
+        let smooth = self
             .materials
             .iter()
             .enumerate()
             .find(|(i, m)| m.alpha().is_none() && m.model() != Model::Diffuse && used(*i));
         if let Some((_, m)) = smooth
-            && let Some(l) = scene.lights.iter().find(|l| lights::is_unseen(l) && l.radiance > 0.0)
+            && let Some(l) = self.lights.iter().find(|l| lights::is_unseen(l) && l.radiance > 0.0)
         {
             self.warnings.push(format!(
                 "light `{}`: Mitsuba's volpath misses what the smooth material `{}` throws on from it",
@@ -216,8 +235,7 @@ fn list(v: Vec3) -> String {
     format!("{}, {}, {}", v.x, v.y, v.z)
 }
 
-fn sensor(scene: &Scene) -> String {
-    let c = &scene.camera;
+fn sensor(c: &Camera) -> String {
     let (kind, lens) = match c.lens() {
         None => ("perspective", String::new()),
         Some(lens) => (

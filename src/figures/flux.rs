@@ -13,13 +13,14 @@ use super::{
 };
 use crate::{
     film::Picture,
-    integrator::{Integrator, Observer, RenderError, aov},
+    integrator::{Integrator, Observer, RenderError, View, aov},
     light::{Light, Outline, Shape, SizeDensity},
+    lighting::{Lighting, SamplingPlan},
     math::display::{LuminanceMode, luminance},
-    params::survey::{self, SurveyError},
     sampler::SamplerKind,
     scene::Scene,
-    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    variables::{Fitted, SurveyError, Wishes},
 };
 
 /// Sizes from the least, each twice the one before, and where among them the fluxes are
@@ -101,15 +102,20 @@ struct OneLight {
     /// From the least, in equal ratios.
     sizes: [f64; N_SIZES],
     /// All lights off, at their sizes.
-    dark: LightingPoint,
-    exposure: f64,
+    dark: Lighting,
 }
 
 impl OneLight {
     /// Takes the light called `key`, else the first that has a size, and renders.
-    fn render(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Self, FluxError> {
-        scene.camera.resize(settings.size);
-        let (sizes, _) = survey::fit_sizes(scene, settings.size)?;
+    fn render(
+        view: View,
+        wishes: &Wishes,
+        settings: &Settings,
+        observer: &impl Observer,
+    ) -> Result<Self, FluxError> {
+        let scene = view.scene;
+        let authored = Lighting::authored(scene);
+        let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, wishes)?;
         let suitable: Vec<(usize, f64, [f32; 2])> = scene
             .lights
             .iter()
@@ -120,27 +126,25 @@ impl OneLight {
         let key = suitable.iter().find(|s| scene.lights[s.0].name == "key");
         let &(light, unit, [least, most]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
         let largest = most.min(least * 2_f32.powi(N_SIZES as i32 - 1));
-        let bins = scene.lights.iter().enumerate().map(|(l, other)| {
+        let bins = lighting.size.iter().enumerate().map(|(l, &size)| {
             if l == light {
                 SizeBins::Free(Knots::geometric(f64::from(least), f64::from(largest), KNOTS))
             } else {
-                SizeBins::Fixed(other.size)
+                SizeBins::Fixed(size as f32)
             }
         });
-        let dark = LightingPoint {
-            radiance: vec![0.0; scene.lights.len()],
-            size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
-            value: f64::from(scene.background_value()),
-        };
+        let radiance = vec![0.0; scene.lights.len()];
+        let dark = Lighting { radiance, value: authored.value, ..lighting.clone() };
         let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(dark.value, 1));
-        scene.lights[light].size_density = SizeDensity::any_size([least, largest]);
+        let mut plan = SamplingPlan::uniform(&dark);
+        plan.sizes[light] = SizeDensity::any_size([least, largest]);
         let mut basis = TransportBasis::new(layout, 1);
         let Settings { integrator, sampler, seed, spp, .. } = *settings;
-        basis.render(Source { scene, integrator: &integrator, sampler, seed }, spp, observer)?;
-        let exposure = f64::from(scene.exposure);
+        let source = Source { view, plan: &plan, integrator: &integrator, sampler, seed };
+        basis.render(source, spp, observer)?;
         let step = (f64::from(largest) / f64::from(least)).powf(1.0 / (N_SIZES - 1) as f64);
         let sizes = std::array::from_fn(|i| f64::from(least) * step.powi(i as i32));
-        Ok(Self { basis, light, unit, sizes, dark, exposure })
+        Ok(Self { basis, light, unit, sizes, dark })
     }
 
     /// The picture at a flux, W, and a size.
@@ -157,18 +161,25 @@ impl OneLight {
 ///
 /// # Errors
 /// When no light has a size, or the render fails.
-pub fn grid(scene: &mut Scene, settings: &Settings, observer: &impl Observer) -> Result<Grid, FluxError> {
-    let one = OneLight::render(scene, settings, observer)?;
+pub fn grid(
+    scene: &Scene,
+    wishes: &Wishes,
+    settings: &Settings,
+    observer: &impl Observer,
+) -> Result<Grid, FluxError> {
+    let camera = scene.camera.resized(settings.size);
+    let view = View { scene, camera: &camera };
+    let one = OneLight::render(view, wishes, settings, observer)?;
     let light = &scene.lights[one.light];
-    let mask = aov::trace(scene).mask;
+    let mask = aov::trace(view, 1.0).mask;
     let reference = one.picture(1.0, one.sizes[REFERENCE]);
     let shown = reference.rgb.iter().zip(&mask).filter(|(_, on_object)| **on_object);
     let on_object: Vec<f64> = shown.map(|(rgb, _)| luminance(*rgb)).collect();
-    let well =
-        well_lit(&on_object, one.exposure).ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
+    let well = well_lit(&on_object, one.dark.exposure)
+        .ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
     let fluxes = STOPS.map(|stop| well * stop.exp2());
     let cell = |flux: f64, size: f64| Cell {
-        picture: displayed(&one.picture(flux, size), one.exposure),
+        picture: displayed(&one.picture(flux, size), one.dark.exposure),
         caption: Vec::new(),
     };
     let rows = one.sizes.iter().map(|&size| Row {

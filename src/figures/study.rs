@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 
-use crate::{design::attainable::Reach, objective::Evaluation, scene::sidecar::FreeKind};
+use crate::{design::attainable::Reach, objective::Evaluation, variables::FreeKinds};
 
 /// The looks, by the names of their built-in targets.
 pub const LOOKS: [&str; 2] = ["high-key", "low-key"];
@@ -45,12 +45,12 @@ pub const BASKET: &str = "fruit_basket.obj";
 impl Study {
     /// What may vary.
     #[must_use]
-    pub fn free(&self) -> Vec<FreeKind> {
-        let mut free = vec![FreeKind::Radiance, FreeKind::Size];
-        if self.background {
-            free.push(FreeKind::Background);
-        }
-        free
+    pub fn free(&self) -> FreeKinds {
+        FreeKinds::named(if self.background {
+            &["radiance", "size", "background"]
+        } else {
+            &["radiance", "size"]
+        })
     }
 
     /// Whether the background varies, in a word.

@@ -20,7 +20,7 @@ use crate::{
     math::NodeRgb,
 };
 
-pub use rgb::{LightState, Picture, RgbFilm, RgbRow};
+pub use rgb::{Picture, RgbFilm, RgbRow};
 pub use splat::SplatBuffer;
 
 /// A sampling strategy: `s` vertices from the light, `t` from the camera,
@@ -71,60 +71,19 @@ pub trait Recorder<const N: usize = 1> {
     fn splat(&mut self, raster: Vec2, c: &Contribution<N>);
 }
 
-/// Part of the full film that is kept, in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Region {
-    /// First column and row.
-    pub min: UVec2,
-    /// One past the last column and row.
-    pub max: UVec2,
-}
-
-impl Region {
-    /// The whole film.
-    #[must_use]
-    pub fn full(size: UVec2) -> Self {
-        Self { min: UVec2::ZERO, max: size }
-    }
-
-    /// Extent in pixels.
-    #[must_use]
-    pub fn size(&self) -> UVec2 {
-        self.max - self.min
-    }
-
-    /// Index of a pixel of the full film within the region, row by row.
-    #[must_use]
-    pub fn index(&self, pixel: UVec2) -> Option<usize> {
-        let inside = pixel.cmpge(self.min).all() && pixel.cmplt(self.max).all();
-        inside.then(|| {
-            let p = pixel - self.min;
-            (p.y * self.size().x + p.x) as usize
-        })
-    }
-
-    /// Number of pixels.
-    #[must_use]
-    pub fn n_pixels(&self) -> usize {
-        self.size().element_product() as usize
-    }
-}
-
 /// A film that can be filled row by row in parallel.
 pub trait Film<const N: usize = 1>: Send + Sync {
     /// Recorder of one row.
     type Row<'a>: RowRecorder<N> + Send
     where
         Self: 'a;
-    /// The region kept.
-    fn region(&self) -> Region;
-    /// Recorders of the region's rows, first row first.
+    /// Number of columns and rows, pixels.
+    fn size(&self) -> UVec2;
+    /// Recorders of the rows, first row first.
     fn rows(&mut self) -> Vec<Self::Row<'_>>;
     /// Contributions dropped because they were not finite, and splats that
     /// would have overflowed, since the film was made.
     fn defects(&self) -> (u64, u64);
-    /// A recorder for samples of pixels outside the region: only their splats count.
-    fn outside(&self) -> Self::Row<'_>;
 }
 
 /// A [`Recorder`] that moves from pixel to pixel of its row, once for each replicate.

@@ -2,25 +2,17 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::Vec2;
+use glam::{UVec2, Vec2};
 
-use super::{Contribution, Film, Recorder, Region, RowRecorder, SplatBuffer};
-
-/// Radiance and size of a light while a picture is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightState {
-    /// Radiance L.
-    pub radiance: f32,
-    /// Size s: contributions with ρ > s are not the light's.
-    pub size: f32,
-}
+use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer};
+use crate::lighting::Lighting;
 
 /// Sums contributions into pictures: one of each light alone, for unit radiance, or one of each
 /// of several lightings.
 #[derive(Debug)]
 pub struct RgbFilm<const N: usize = 1> {
-    region: Region,
-    /// By light.
+    size: UVec2,
+    /// Pictures that each light contributes to, by light.
     routes: Vec<Vec<Route>>,
     /// Power of two per picture that brings splats near display white.
     scales: Vec<f64>,
@@ -45,7 +37,7 @@ struct Route {
 /// Recorder of a row of an [`RgbFilm`].
 #[derive(Debug)]
 pub struct RgbRow<'a> {
-    region: Region,
+    size: UVec2,
     routes: &'a [Vec<Route>],
     scales: &'a [f64],
     sums: &'a mut [f64],
@@ -68,61 +60,60 @@ pub struct Picture {
 }
 
 impl RgbFilm {
-    /// A film for pictures of lights in the given states; `exposure` only places the
-    /// fixed-point scale of the splats.
+    /// A film of `size` pixels for a picture of each light at unit radiance, at its size in
+    /// `lighting`, whose radiances and exposure only place the fixed-point scale of the splats.
     #[must_use]
-    pub fn new(region: Region, lights: &[LightState], exposure: f32) -> Self {
-        let route = |(l, s): (usize, &LightState)| Route { picture: l, node: 0, size: s.size, gain: 1.0 };
-        let routes = lights.iter().enumerate().map(|l| vec![route(l)]).collect();
-        let whites = lights.iter().map(|l| f64::from(l.radiance) * f64::from(exposure));
-        Self::with_routes(region, routes, whites)
+    pub fn by_light(size: UVec2, lighting: &Lighting) -> Self {
+        let route = |(l, &s): (usize, &f64)| Route { picture: l, node: 0, size: s as f32, gain: 1.0 };
+        let routes = lighting.size.iter().enumerate().map(|l| vec![route(l)]).collect();
+        let whites = lighting.radiance.iter().map(|&l| f64::from(l as f32) * lighting.exposure);
+        Self::with_routes(size, routes, whites)
     }
 
-    /// The mean over `n_samples` per pixel, with each light at its radiance.
+    /// The mean over `n_samples` per pixel, with each light at its radiance in `lighting`.
     #[must_use]
-    pub fn develop(&self, radiance: &[f32], n_samples: u32) -> Picture {
+    pub fn develop(&self, lighting: &Lighting, n_samples: u32) -> Picture {
         let n_lights = self.scales.len();
         let inv = 1.0 / f64::from(n_samples.max(1));
-        let mut rgb = vec![[0.0_f32; 3]; self.region.n_pixels()];
+        let mut rgb = vec![[0.0_f32; 3]; self.size.element_product() as usize];
         let mut lights = vec![rgb.clone(); n_lights];
         for (i, out) in rgb.iter_mut().enumerate() {
             let mut total = [0.0_f64; 3];
             for l in 0..n_lights {
-                let v = self.sum(i, l).map(|v| v * inv * f64::from(radiance[l]));
+                let v = self.sum(i, l).map(|v| v * inv * f64::from(lighting.radiance[l] as f32));
                 lights[l][i] = v.map(|v| v as f32);
                 total = std::array::from_fn(|c| total[c] + v[c]);
             }
             *out = total.map(|v| v as f32);
         }
-        let size = self.region.size();
-        Picture { width: size.x as usize, height: size.y as usize, rgb, lights }
+        Picture { width: self.size.x as usize, height: self.size.y as usize, rgb, lights }
     }
 }
 
 impl<const N: usize> RgbFilm<N> {
-    /// A film for a picture of each of `lightings`, which give the state of every light; the
-    /// k-th sees the background at its k-th node.
+    /// A film of `size` pixels for a picture of each of `lightings`; the k-th sees the background
+    /// at the k-th node of the render.
     #[must_use]
-    pub fn of_lightings(region: Region, lightings: &[Vec<LightState>], exposure: f32) -> Self {
-        let n_lights = lightings.first().map_or(0, Vec::len);
-        let route = |(k, lights): (usize, &Vec<LightState>), l: usize| {
-            let LightState { radiance, size } = lights[l];
-            (radiance > 0.0).then_some(Route { picture: k, node: k, size, gain: radiance })
+    pub fn by_lighting(size: UVec2, lightings: &[&Lighting]) -> Self {
+        let n_lights = lightings.first().map_or(0, |x| x.n_lights());
+        let route = |(k, x): (usize, &&Lighting), l: usize| {
+            let (gain, size) = (x.radiance[l] as f32, x.size[l] as f32);
+            (gain > 0.0).then_some(Route { picture: k, node: k, size, gain })
         };
         let routes = (0..n_lights)
             .map(|l| lightings.iter().enumerate().filter_map(|lighting| route(lighting, l)).collect())
             .collect();
-        Self::with_routes(region, routes, lightings.iter().map(|_| f64::from(exposure)))
+        Self::with_routes(size, routes, lightings.iter().map(|x| x.exposure))
     }
 
     /// `whites`: factor of each picture's values that brings them to the display's.
-    fn with_routes(region: Region, routes: Vec<Vec<Route>>, whites: impl Iterator<Item = f64>) -> Self {
+    fn with_routes(size: UVec2, routes: Vec<Vec<Route>>, whites: impl Iterator<Item = f64>) -> Self {
         let scale =
             |white: f64| if white > 0.0 { white.log2().round().clamp(-60.0, 60.0).exp2() } else { 1.0 };
         let scales: Vec<f64> = whites.map(scale).collect();
-        let n = region.n_pixels() * scales.len();
+        let n = size.element_product() as usize * scales.len();
         Self {
-            region,
+            size,
             routes,
             scales,
             sums: vec![0.0; 3 * n],
@@ -143,34 +134,22 @@ impl<const N: usize> RgbFilm<N> {
 impl<const N: usize> Film<N> for RgbFilm<N> {
     type Row<'a> = RgbRow<'a>;
 
-    fn region(&self) -> Region {
-        self.region
+    fn size(&self) -> UVec2 {
+        self.size
     }
 
     fn rows(&mut self) -> Vec<RgbRow<'_>> {
-        let width = (self.region.size().x as usize * self.scales.len() * 3).max(1);
-        let (region, routes, scales, splats, non_finite) =
-            (self.region, &self.routes, &self.scales, &self.splats, &self.non_finite);
+        let width = (self.size.x as usize * self.scales.len() * 3).max(1);
+        let (size, routes, scales, splats, non_finite) =
+            (self.size, &self.routes, &self.scales, &self.splats, &self.non_finite);
         self.sums
             .chunks_mut(width)
-            .map(|sums| RgbRow { region, routes, scales, sums, splats, non_finite, pixel: 0 })
+            .map(|sums| RgbRow { size, routes, scales, sums, splats, non_finite, pixel: 0 })
             .collect()
     }
 
     fn defects(&self) -> (u64, u64) {
         (self.non_finite.load(Ordering::Relaxed), self.splats.overflows())
-    }
-
-    fn outside(&self) -> RgbRow<'_> {
-        RgbRow {
-            region: self.region,
-            routes: &self.routes,
-            scales: &self.scales,
-            sums: &mut [],
-            splats: &self.splats,
-            non_finite: &self.non_finite,
-            pixel: 0,
-        }
     }
 }
 
@@ -188,9 +167,6 @@ impl<'a> RgbRow<'a> {
 
 impl<const N: usize> Recorder<N> for RgbRow<'_> {
     fn add(&mut self, c: &Contribution<N>) {
-        if self.sums.is_empty() {
-            return;
-        }
         let first = self.pixel * self.scales.len();
         for Route { picture, node, gain, .. } in self.routes(c) {
             let value = c.value.at(node) * gain;
@@ -201,7 +177,8 @@ impl<const N: usize> Recorder<N> for RgbRow<'_> {
 
     fn splat(&mut self, raster: Vec2, c: &Contribution<N>) {
         let routes = self.routes(c);
-        let Some(pixel) = self.region.index(raster.as_uvec2()) else { return };
+        let UVec2 { x, y } = raster.as_uvec2();
+        let pixel = (y * self.size.x + x) as usize;
         for Route { picture, node, gain, .. } in routes {
             self.splats.add(
                 pixel * self.scales.len() + picture,

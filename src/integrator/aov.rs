@@ -4,7 +4,7 @@
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use crate::scene::Scene;
+use super::View;
 
 /// One value per pixel of the full film, row by row.
 #[derive(Clone, Debug)]
@@ -15,7 +15,7 @@ pub struct Aovs {
     pub height: usize,
     /// Whether the pixel shows the main object.
     pub mask: Vec<bool>,
-    /// Base colour; black where there is no surface.
+    /// Base colour, linear Rec.709, the background's value included; black where there is no surface.
     pub albedo: Vec<[f32; 3]>,
     /// Unit shading normal, world space; zero where there is no surface.
     pub normal: Vec<[f32; 3]>,
@@ -23,20 +23,21 @@ pub struct Aovs {
     pub depth: Vec<f32>,
 }
 
-/// Traces the auxiliary pictures.
+/// Traces the auxiliary pictures of a view at a value of the background.
 #[must_use]
-pub fn trace(scene: &Scene) -> Aovs {
-    let UVec2 { x: width, y: height } = scene.camera.size();
+pub fn trace(view: View, value: f32) -> Aovs {
+    let View { scene, camera } = view;
+    let UVec2 { x: width, y: height } = camera.size();
     let pixels: Vec<_> = (0..width * height)
         .into_par_iter()
         .map(|i| {
             let raster = Vec2::new((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
-            let dir = scene.camera.direction(raster);
-            match scene.intersect(scene.camera.position, dir) {
+            let dir = camera.direction(raster);
+            match scene.intersect(camera.position, dir) {
                 None => (false, [0.0; 3], [0.0; 3], f32::INFINITY),
                 Some(hit) => (
                     scene.is_main[hit.si.triangle as usize],
-                    scene.base_color(&hit).to_array(),
+                    scene.base_color(&hit, value).to_array(),
                     hit.si.frame.n.to_array(),
                     hit.t,
                 ),

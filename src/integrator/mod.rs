@@ -7,23 +7,24 @@
 
 pub mod aov;
 pub mod bdpt;
+mod context;
 mod direct;
 pub mod path;
-
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::{
-    bsdf::Affine,
+    camera::Camera,
     film::{Contribution, Film, Recorder, RowRecorder},
-    math::{NodeRgb, Rgb, hash::hash_words},
-    sampler::{Sampler, SamplerKind},
-    scene::{Scene, SurfaceInteraction},
+    lighting::{Lighting, SamplingPlan},
+    math::{Rgb, hash::hash_words},
+    sampler::SamplerKind,
+    scene::Scene,
 };
 
 pub use crate::film::Strategy;
+pub use context::Context;
 
 /// Multiple importance sampling heuristic. \[Veach97\] 9.2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,38 +67,17 @@ pub struct Integrator {
     pub max_depth: usize,
     /// Weights of the bidirectional strategies.
     pub heuristic: Heuristic,
-    /// Samples of the lights at the first vertex of a camera path, at least 1.
-    pub first_light_samples: u32,
-    /// Those at every vertex that follows, at least 1.
-    pub light_samples: u32,
-    /// Camera subpaths for each light subpath, at least 1. Bidirectional; more than one where
-    /// light subpaths find little that next-event estimation does not.
-    pub camera_subpaths: u32,
 }
 
 impl Default for Integrator {
     fn default() -> Self {
-        Self {
-            kind: IntegratorKind::Bdpt,
-            max_depth: 8,
-            heuristic: Heuristic::Power,
-            first_light_samples: FIRST_LIGHT_SAMPLES,
-            light_samples: LIGHT_SAMPLES,
-            camera_subpaths: 1,
-        }
+        Self { kind: IntegratorKind::Bdpt, max_depth: 8, heuristic: Heuristic::Power }
     }
 }
 
-/// Default of [`Integrator::first_light_samples`]. What is seen directly gets the most: on the
-/// fruit basket six and then three take as long as four everywhere and leave three quarters of
-/// the variance.
-pub const FIRST_LIGHT_SAMPLES: u32 = 6;
-/// Default of [`Integrator::light_samples`].
-pub const LIGHT_SAMPLES: u32 = 3;
-
 /// Which samples of which sequence to take.
 #[derive(Clone, Copy, Debug)]
-pub struct Sampling {
+pub struct Samples {
     /// Family of sequences.
     pub sampler: SamplerKind,
     /// Scramble of the whole picture.
@@ -108,7 +88,7 @@ pub struct Sampling {
     pub count: u32,
 }
 
-impl Sampling {
+impl Samples {
     /// The same samples of an independent scramble, the `r`-th.
     #[must_use]
     pub fn replicate(self, r: u64) -> Self {
@@ -155,103 +135,62 @@ impl Observer for () {
     fn advance(&self, _rows: u64) {}
 }
 
-/// Stops when set.
-impl Observer for AtomicBool {
-    fn advance(&self, _rows: u64) {}
-    fn cancelled(&self) -> bool {
-        self.load(Ordering::Relaxed)
-    }
+/// A scene as a camera sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The camera, whose film size is that of the picture.
+    pub camera: &'a Camera,
 }
 
 impl Integrator {
-    /// Adds samples to a film; runs in the current rayon pool and gives the
-    /// same film whatever its number of threads.
+    /// Adds samples of a picture of one lighting to a film; runs in the current rayon pool and
+    /// gives the same film whatever its number of threads.
     ///
     /// # Errors
     /// When the film overflowed, too many contributions were not finite, or
     /// the observer stopped it; the film is then of no use.
     pub fn render<F: Film>(
         &self,
-        scene: &Scene,
+        view: View,
+        lighting: &Lighting,
+        plan: &SamplingPlan,
         film: &mut F,
-        sampling: Sampling,
+        samples: Samples,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        self.render_values(scene, &Values([scene.background_value()]), film, &[sampling], observer)
+        self.render_values(view, &Values([lighting.value as f32]), plan, film, &[samples], observer)
     }
 
-    /// As [`Self::render`], for several values of the background at once, the
-    /// first of them the largest, and for several replicates.
+    /// As [`Self::render`], for several values of the background at once and for several
+    /// replicates. What the film makes of the lights' radiances and sizes is its own affair.
     ///
     /// # Errors
     /// As [`Self::render`].
     pub fn render_values<const N: usize, F: Film<N>>(
         &self,
-        scene: &Scene,
-        nodes: &Values<N>,
+        view: View,
+        values: &Values<N>,
+        plan: &SamplingPlan,
         film: &mut F,
-        replicates: &[Sampling],
+        replicates: &[Samples],
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
-        let integrator = self.useful(scene);
-        let region = film.region();
-        let size = scene.camera.size();
+        let context = Context::new(*self, view, *values, plan);
+        let UVec2 { x: width, y: height } = film.size();
         let (bad_before, over_before) = film.defects();
-        let run_row = |row: &mut F::Row<'_>, sampling: &Sampling, y, xs: std::ops::Range<u32>, kept| {
-            let mut sampler = Sampler::new(sampling.sampler, sampling.seed);
-            let mut bdpt = bdpt::Workspace::default();
-            for (i, x) in xs.enumerate() {
-                row.set_pixel(i);
-                let pixel = UVec2::new(x, y);
-                for index in sampling.first..sampling.first + sampling.count {
-                    sampler.start(pixel, index);
-                    match self.kind {
-                        IntegratorKind::Path => {
-                            path::sample(&integrator, scene, nodes, &mut sampler, pixel, row)
-                        }
-                        IntegratorKind::Bdpt => {
-                            bdpt::sample(
-                                &integrator,
-                                scene,
-                                nodes,
-                                &mut sampler,
-                                pixel,
-                                kept,
-                                &mut bdpt,
-                                row,
-                            );
-                        }
-                    }
-                }
-            }
-        };
-        film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(i, mut row)| {
+        film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(y, mut row)| {
             row.open();
-            for sampling in replicates {
+            for samples in replicates {
                 if !observer.cancelled() {
-                    run_row(&mut row, sampling, region.min.y + i as u32, region.min.x..region.max.x, true);
+                    context.render_row(&mut row, samples, y as u32, width);
                     row.end_replicate();
                     observer.advance(1);
                 }
             }
             row.close();
         });
-        // Light subpaths of the pixels outside the region land inside it too.
-        if self.kind == IntegratorKind::Bdpt && region.size() != size {
-            let film = &*film;
-            (0..size.y).into_par_iter().with_max_len(1).for_each(|y| {
-                let mut row = film.outside();
-                let inside = (region.min.y..region.max.y).contains(&y);
-                for sampling in replicates {
-                    if inside {
-                        run_row(&mut row, sampling, y, 0..region.min.x, false);
-                        run_row(&mut row, sampling, y, region.max.x..size.x, false);
-                    } else {
-                        run_row(&mut row, sampling, y, 0..size.x, false);
-                    }
-                }
-            });
-        }
         if observer.cancelled() {
             return Err(RenderError::Cancelled);
         }
@@ -260,7 +199,7 @@ impl Integrator {
             return Err(RenderError::Overflow(over - over_before));
         }
         let count: u32 = replicates.iter().map(|r| r.count).sum();
-        let samples = size.element_product() as u64 * u64::from(count);
+        let samples = u64::from(width) * u64::from(height) * u64::from(count);
         let dropped = bad - bad_before;
         if dropped as f64 > MAX_NON_FINITE * samples as f64 {
             return Err(RenderError::NonFinite { dropped, samples });
@@ -272,14 +211,6 @@ impl Integrator {
 /// Values of the background at which light is carried, the largest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values<const N: usize>(pub [f32; N]);
-
-impl<const N: usize> Values<N> {
-    /// Throughput after a scattering at `si`.
-    #[inline]
-    fn scatter(&self, beta: &NodeRgb<N>, f: Affine, si: &SurfaceInteraction) -> NodeRgb<N> {
-        if si.is_background { beta.times_affine(f.coat, f.body, &self.0) } else { beta.times(f.at(1.0)) }
-    }
-}
 
 /// Edges after which Russian roulette begins.
 const ROULETTE_START: usize = 3;

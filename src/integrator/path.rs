@@ -5,42 +5,42 @@
 
 use glam::UVec2;
 
-use super::{Heuristic, Integrator, Strategy, Values, direct::LightChoice, film_position, roulette};
+use super::{Context, Heuristic, Strategy, direct::LightChoice, film_position, roulette};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
     math::{NodeRgb, Rgb, SolidAnglePdf},
     sampler::{Sampler, Stream},
-    scene::{Scene, SurfaceInteraction},
+    scene::SurfaceInteraction,
 };
 
 /// Traces one camera path through `pixel` and records all light it meets.
 pub fn sample<const N: usize>(
-    integrator: &Integrator,
-    scene: &Scene,
-    nodes: &Values<N>,
+    context: &Context<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     recorder: &mut impl Recorder<N>,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
-    let (mut org, mut dir) = scene.camera.ray(raster, sampler.next_2d());
+    let (mut org, mut dir) = context.camera.ray(raster, sampler.next_2d());
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
 
+    let heuristic = context.integrator.heuristic;
+    let max_depth = context.integrator.max_depth;
     let mut beta = NodeRgb::ONE;
     // Density of `dir`; `None` where no other strategy could have sampled the light.
     let mut pdf: Option<SolidAnglePdf> = None;
-    for n_edges in 1..=integrator.max_depth {
-        let edge = scene.trace(org, dir, None);
-        scene.for_each_crossing(&edge, |id, light, c| {
+    for n_edges in 1..=max_depth {
+        let edge = context.trace(org, dir, None);
+        context.for_each_crossing(&edge, |id, light, c| {
             if n_edges == 1 && !light.camera_visible {
                 return;
             }
             let mis_weight = pdf.map_or(1.0, |p| {
-                let n = integrator.samples_at(n_edges - 1);
-                let nee = n * scene.light_sampler.pmf(id).0 * light.pdf_li(org, &c.at).0;
-                weight(integrator.heuristic, p.0, nee)
+                let n = context.samples_at(n_edges - 1);
+                let sampled = context.light(id);
+                weight(heuristic, p.0, n * sampled.pmf.0 * sampled.pdf_li(org, &c.at).0)
             });
             recorder.add(&Contribution {
                 light: id,
@@ -51,18 +51,18 @@ pub fn sample<const N: usize>(
             });
         });
         let Some(hit) = edge.hit else { return };
-        if n_edges == integrator.max_depth {
+        if n_edges == max_depth {
             return;
         }
         let si = hit.si;
         let wo = -dir;
-        next_event(integrator, scene, nodes, &mut connection, &si, wo, &beta, n_edges, recorder);
+        next_event(context, &mut connection, &si, wo, &beta, n_edges, recorder);
 
         let uc = sampler.next_1d();
         let u = sampler.next_2d();
         let u_roulette = sampler.next_1d();
         let Some(s) = si.sample(wo, uc, u, TransportMode::Radiance) else { return };
-        beta = nodes.scatter(&beta, s.weight, &si);
+        beta = context.scatter(&beta, s.weight, &si);
         let Some(survivor) = roulette(n_edges, beta.largest(), u_roulette) else { return };
         beta = beta.scaled(survivor);
         if beta.is_zero() {
@@ -75,11 +75,8 @@ pub fn sample<const N: usize>(
 }
 
 /// Samples lights from `si` and records what they send.
-#[allow(clippy::too_many_arguments)]
 fn next_event<const N: usize>(
-    integrator: &Integrator,
-    scene: &Scene,
-    nodes: &Values<N>,
+    context: &Context<N>,
     connection: &mut Sampler,
     si: &SurfaceInteraction,
     wo: glam::Vec3,
@@ -87,28 +84,28 @@ fn next_event<const N: usize>(
     n_edges: usize,
     recorder: &mut impl Recorder<N>,
 ) {
-    let choices = integrator.choose_lights(scene, connection, n_edges);
+    let choices = context.choose_lights(connection, n_edges);
     if !si.bsdf.has_non_delta() {
         return;
     }
     for LightChoice { id, expected, u } in choices {
-        let light = &scene.lights[id as usize];
+        let light = context.light(id);
         let Some(l) = light.sample_li(si.p, u) else { continue };
         let density = l.pdf.0 * expected;
         let f = si.scatter(wo, l.wi, TransportMode::Radiance);
         if f.value.is_zero() || l.radiance == Rgb::ZERO {
             continue;
         }
-        let passed = scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+        let passed = context.scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
         if passed == 0.0 {
             continue;
         }
-        let hit_pdf = if light.is_delta() { 0.0 } else { f.pdf.0 };
-        let mis_weight = weight(integrator.heuristic, density, hit_pdf);
+        let hit_pdf = if light.light.is_delta() { 0.0 } else { f.pdf.0 };
+        let mis_weight = weight(context.integrator.heuristic, density, hit_pdf);
         recorder.add(&Contribution {
             light: id,
             at: l.at,
-            value: nodes.scatter(beta, f.value, si).times(l.radiance * (passed * mis_weight / density)),
+            value: context.scatter(beta, f.value, si).times(l.radiance * (passed * mis_weight / density)),
             strategy: Strategy::new(1, n_edges + 1),
             mis_weight,
         });

@@ -2,8 +2,8 @@
 //!
 //! A light of size `s` emits along a ray exactly when the ray's **size
 //! coordinate** `ρ ≤ s`: the rays of a small light are a subset of the rays of
-//! the same light grown. A light is therefore sampled at its `extent` (the
-//! largest size of interest) and every contribution carries its ρ.
+//! the same light grown. A light is therefore sampled up to the extent of a
+//! [`SizeDensity`], and every contribution carries its ρ.
 //!
 //! Lights do not block rays, unless they are declared to. Emission is given for
 //! unit radiance: `radiance` fields of samples hold the light's colour
@@ -69,15 +69,15 @@ pub struct Light {
     pub shape: Shape,
     /// Linear Rec.709 colour of luminance 1.
     pub color: Rgb,
-    /// Radiance L (W·m⁻²·sr⁻¹ per unit of `color`; W·sr⁻¹ for a point).
+    /// Radiance L that the scene's author gave it, W·m⁻²·sr⁻¹ per unit of `color` (a point:
+    /// W·sr⁻¹, a distant light: W·m⁻²). What it is in a picture the picture's lighting says.
     pub radiance: f32,
-    /// Present size s, multiplies the shape's unit extents.
+    /// Factor s on the shape's unit extents that the scene's author gave it. What it is in a
+    /// picture the picture's lighting says, except for a light that occludes.
     pub size: f32,
-    /// Distribution of ρ when the light is sampled; its extent is at least `size`.
-    pub size_density: SizeDensity,
-    /// Whether one-edge paths (light straight to camera) are seen.
+    /// Whether the camera sees the light itself: paths of one edge.
     pub camera_visible: bool,
-    /// Whether its planar or spherical body is black and stops rays.
+    /// Whether the planar or spherical body, of the author's size, is black and stops rays.
     pub occludes: bool,
 }
 
@@ -181,12 +181,11 @@ impl Light {
         if self.is_infinite() { 1.0 } else { on_light.distance_squared(p) }
     }
 
-    /// Where the ray from `org` along unit `dir` crosses the emitting side
-    /// within `(0, t_max)`, at the light's extent. An environment is crossed by
-    /// a ray that is infinite; an emissive mesh never, for its triangles are surfaces.
+    /// Where the ray from `org` along unit `dir` crosses the emitting side of the light at size
+    /// `extent` within `(0, t_max)`. An environment is crossed by a ray that is infinite; an
+    /// emissive mesh never, for its triangles are surfaces.
     #[must_use]
-    pub fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32) -> Option<Crossing> {
-        let extent = self.size_density.extent();
+    pub fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32, extent: f32) -> Option<Crossing> {
         let mut c = match &self.shape {
             Shape::Planar(s) => s.crossing(org, dir, t_max, extent),
             Shape::Sphere(s) => s.crossing(org, dir, t_max, extent),
@@ -222,13 +221,13 @@ impl Light {
         (t > 0.0 && t < t_max).then_some(t)
     }
 
-    /// Samples a point on the light as seen from `reference`; `None` when it
-    /// cannot reach it.
+    /// Samples a point on the light as seen from `reference`, its size coordinate by `q`; `None`
+    /// when the light cannot reach `reference`.
     #[must_use]
-    pub fn sample_li(&self, reference: Vec3, u: Vec2) -> Option<LightLiSample> {
+    pub fn sample_li(&self, q: &SizeDensity, reference: Vec3, u: Vec2) -> Option<LightLiSample> {
         let mut s = match &self.shape {
-            Shape::Planar(s) => s.sample_li(reference, &self.size_density, u),
-            Shape::Sphere(s) => s.sample_li(reference, &self.size_density, u),
+            Shape::Planar(s) => s.sample_li(reference, q, u),
+            Shape::Sphere(s) => s.sample_li(reference, q, u),
             Shape::Point(s) => s.sample_li(reference),
             Shape::Distant(s) => Some(s.sample_li(reference)),
             Shape::Environment(s) => s.sample_li(reference, u),
@@ -241,26 +240,26 @@ impl Light {
     /// Density with which [`Self::sample_li`] draws the point `at` from
     /// `reference`, per unit solid angle there, without the selection [`Pmf`].
     #[must_use]
-    pub fn pdf_li(&self, reference: Vec3, at: &LightPoint) -> SolidAnglePdf {
+    pub fn pdf_li(&self, q: &SizeDensity, reference: Vec3, at: &LightPoint) -> SolidAnglePdf {
         let from_area = |pdf: AreaPdf| {
             let d = at.p - reference;
             pdf.to_solid_angle(d.length_squared(), at.n.dot(d.normalize()))
         };
         match &self.shape {
-            Shape::Planar(s) => from_area(s.pdf_pos(&self.size_density, at.rho)),
-            Shape::Sphere(s) => s.pdf_li(reference, &self.size_density, at.rho),
+            Shape::Planar(s) => from_area(s.pdf_pos(q, at.rho)),
+            Shape::Sphere(s) => s.pdf_li(reference, q, at.rho),
             Shape::Environment(s) => s.pdf(-at.n),
             Shape::Mesh(s) => from_area(s.pdf_pos(at.element)),
             Shape::Point(_) | Shape::Distant(_) => SolidAnglePdf(0.0),
         }
     }
 
-    /// Samples a point and a direction of emission.
+    /// Samples a point, its size coordinate by `q`, and a direction of emission.
     #[must_use]
-    pub fn sample_le(&self, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
+    pub fn sample_le(&self, q: &SizeDensity, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
         let mut s = match &self.shape {
-            Shape::Planar(s) => s.sample_le(&self.size_density, u_pos, u_dir),
-            Shape::Sphere(s) => s.sample_le(&self.size_density, u_pos, u_dir),
+            Shape::Planar(s) => s.sample_le(q, u_pos, u_dir),
+            Shape::Sphere(s) => s.sample_le(q, u_pos, u_dir),
             Shape::Point(s) => s.sample_le(u_dir),
             Shape::Distant(s) => Some(s.sample_le(u_dir)),
             Shape::Environment(s) => s.sample_le(u_pos, u_dir),
@@ -273,10 +272,10 @@ impl Light {
     /// Densities with which [`Self::sample_le`] draws the point `at` and the
     /// direction `dir`.
     #[must_use]
-    pub fn pdf_le(&self, at: &LightPoint, dir: Vec3) -> (AreaPdf, SolidAnglePdf) {
+    pub fn pdf_le(&self, q: &SizeDensity, at: &LightPoint, dir: Vec3) -> (AreaPdf, SolidAnglePdf) {
         match &self.shape {
-            Shape::Planar(s) => (s.pdf_pos(&self.size_density, at.rho), s.pdf_dir(dir)),
-            Shape::Sphere(s) => s.pdf_le(&self.size_density, at.n, dir, at.rho),
+            Shape::Planar(s) => (s.pdf_pos(q, at.rho), s.pdf_dir(dir)),
+            Shape::Sphere(s) => s.pdf_le(q, at.n, dir, at.rho),
             Shape::Point(s) => (AreaPdf(1.0), s.pdf_dir(dir)),
             Shape::Distant(s) => (AreaPdf(1.0), SolidAnglePdf(s.scene.disk_pdf())),
             Shape::Environment(s) => (AreaPdf(s.pdf(-dir).0), SolidAnglePdf(s.scene.disk_pdf())),

@@ -103,7 +103,7 @@ pub(super) fn rounding_of(corners: [Vec3; 3]) -> f32 {
 }
 
 /// Distance from a triangle at which a ray may start clear of it, wherever on it.
-pub(super) fn clearance_of(corners: [Vec3; 3]) -> f32 {
+pub fn clearance_of(corners: [Vec3; 3]) -> f32 {
     // The units in the last place of `offset_origin`, and its distance near the origin.
     let largest = corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max);
     rounding_of(corners) + (256.0 * f32::EPSILON * largest).max(1.0 / 65536.0)

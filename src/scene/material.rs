@@ -1,4 +1,4 @@
-//! Materials: what a surface is made of, and the background's value.
+//! Materials: what a surface is made of.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -33,10 +33,6 @@ pub struct Material {
     /// GGX slope where no image varies it; `None` is smooth.
     alpha: Option<f32>,
     coat: Option<Arc<Coat>>,
-    /// Factor on the base colour: 1, or the background's value.
-    value: f32,
-    /// Factor that sampling decisions use: the largest background value.
-    sampling_value: f32,
 }
 
 /// Parameters of a [`Material`]: a model whose numbers images may vary.
@@ -199,7 +195,14 @@ impl Material {
             && range_of(params.specular, params.specular_map.as_ref())[1] > 0.0
             && range_of(params.metallic, params.metallic_map.as_ref())[0] < 1.0;
         let coat = is_coated.then(|| coats.get(params.ior, alpha, params.roughness_map.is_some()));
-        Self { name, params, alpha, coat, value: 1.0, sampling_value: 1.0 }
+        Self { name, params, alpha, coat }
+    }
+
+    /// The material with its base colour multiplied by `value`.
+    #[must_use]
+    pub fn scaled(&self, value: f32) -> Self {
+        let params = MaterialParams { base_color: self.params.base_color * value, ..self.params.clone() };
+        Self { params, ..self.clone() }
     }
 
     /// Scattering model.
@@ -281,10 +284,10 @@ impl Material {
         self.params.relief.as_ref()
     }
 
-    /// Base colour without its texture, value included.
+    /// Base colour without its texture, linear Rec.709.
     #[must_use]
     pub fn tint(&self) -> Rgb {
-        self.params.base_color * self.value
+        self.params.base_color
     }
 
     /// Image that multiplies the tint.
@@ -293,26 +296,15 @@ impl Material {
         self.params.texture.as_deref()
     }
 
-    /// Sets the factor on the base colour, and the largest it will ever take.
-    pub fn set_value(&mut self, value: f32, largest: f32) {
-        self.value = value;
-        self.sampling_value = largest;
-    }
-
-    /// Base colour at `uv`, value included.
+    /// Base colour at `uv`, linear Rec.709 in [0, 1].
     #[must_use]
     pub fn color(&self, uv: Vec2) -> Rgb {
-        self.unscaled_color(uv) * self.value
-    }
-
-    /// Base colour at `uv` at value 1.
-    fn unscaled_color(&self, uv: Vec2) -> Rgb {
         // A floating-point image may exceed 1, an albedo may not.
         let texel = self.params.texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv).min(Rgb::ONE));
         self.params.base_color * texel
     }
 
-    /// Largest channel the base colour takes at value 1.
+    /// Largest channel that the base colour takes anywhere.
     #[must_use]
     pub fn max_albedo(&self) -> f32 {
         let texel = self.params.texture.as_ref().map_or(Rgb::ONE, |t| t.range()[1].truncate().min(Rgb::ONE));
@@ -373,9 +365,10 @@ impl Material {
         self.params.emission * self.params.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
-    /// The scattering function at `uv`, for the base colour at value 1.
+    /// The scattering function at `uv` for the base colour as it is; `sampling_value` is the
+    /// factor on it for which lobes are chosen.
     #[must_use]
-    pub fn bsdf(&self, uv: Vec2) -> Bsdf<'_> {
+    pub fn bsdf(&self, uv: Vec2, sampling_value: f32) -> Bsdf<'_> {
         let p = &self.params;
         // An image must not switch between a perfect mirror and a lobe.
         let alpha = p.roughness_map.as_ref().map(|m| {
@@ -386,14 +379,14 @@ impl Material {
         if p.model == Model::Dielectric {
             return Bsdf::Dielectric(Dielectric { eta: p.ior, ggx });
         }
-        let base = self.unscaled_color(uv);
+        let base = self.color(uv);
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
             return Bsdf::Conductor(Conductor { f0: base, ggx });
         }
         let coat: Option<CoatPoint> = self.coat.as_deref().map(|c| alpha.map_or(c.constant(), |a| c.at(a)));
         let specular = if coat.is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
-        let sampling_color = luminance(base) * self.sampling_value;
+        let sampling_color = luminance(base) * sampling_value;
         match coat {
             _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: base }),
             Some(coat) if metallic == 0.0 && specular == 1.0 => {
@@ -427,10 +420,10 @@ mod tests {
     fn mixtures_are_pure_where_their_weights_are() {
         let p = MaterialParams { model: Model::Plastic, ..MaterialParams::default() };
         let m = material(MaterialParams { metallic: 1.0, metallic_map: map(Channel::R), ..p.clone() });
-        let [none, full, half] = UV.map(|uv| m.bsdf(uv));
+        let [none, full, half] = UV.map(|uv| m.bsdf(uv, 1.0));
         assert!(matches!((none, full, half), (Bsdf::Plastic(_), Bsdf::Conductor(_), Bsdf::Blend(_))));
         let m = material(MaterialParams { specular_map: map(Channel::R), ..p.clone() });
-        let [none, full, half] = UV.map(|uv| m.bsdf(uv));
+        let [none, full, half] = UV.map(|uv| m.bsdf(uv, 1.0));
         assert!(matches!((none, full, half), (Bsdf::Diffuse(_), Bsdf::Plastic(_), Bsdf::Blend(_))));
         // An image of one number is a number; no coat, no table.
         let m = material(MaterialParams { specular_map: map(Channel::B), ..p.clone() });
@@ -449,11 +442,11 @@ mod tests {
                 ..MaterialParams::default()
             };
             let m = material(p);
-            assert!(UV.iter().all(|&uv| m.bsdf(uv).has_non_delta()));
+            assert!(UV.iter().all(|&uv| m.bsdf(uv, 1.0).has_non_delta()));
         }
         let m =
             material(MaterialParams { model: Model::Conductor, roughness: 0.0, ..MaterialParams::default() });
-        assert!(!m.bsdf(Vec2::ZERO).has_non_delta());
+        assert!(!m.bsdf(Vec2::ZERO, 1.0).has_non_delta());
     }
 
     #[test]

@@ -1,36 +1,27 @@
 //! The scene: geometry, materials, lights, camera, and the questions an
 //! integrator asks of them.
+//!
+//! A [`Scene`] does not change once it is loaded. What a picture varies, radiances, sizes and the
+//! background's value, is a [`Lighting`](crate::lighting::Lighting) beside it.
 
-pub mod backdrop;
-pub mod builder;
-mod find;
-pub mod gltf;
-pub mod imported;
 pub mod interaction;
 pub mod material;
 pub mod mesh;
-pub mod mtl;
-pub mod mtl_params;
-pub mod obj;
 pub mod relief;
-pub mod sidecar;
-pub mod stage;
 pub mod texture;
-pub mod wavefront;
 
 use glam::{Vec2, Vec3};
 
 use crate::{
     camera::Camera,
     embree::{Accel, EmbreeError, Hit, Ray, TriangleMesh},
-    light::{Crossing, Light, LightId, LightSampler, Shape},
+    light::{Crossing, Light, LightId, Shape, SizeDensity},
     math::{
-        Frame,
+        Frame, Rgb,
         hash::{hash_bytes, hash_words},
     },
 };
 
-pub use builder::{SceneError, load};
 pub use interaction::{ScatterSample, SurfaceInteraction, offset_origin};
 pub use material::Material;
 pub use mesh::Mesh;
@@ -38,8 +29,6 @@ pub use mesh::Mesh;
 /// Fraction of a connection's length that its shadow ray covers: the rest is
 /// where the far surface begins.
 const SHADOW_LENGTH: f32 = 1.0 - 1e-4;
-/// Weight with which a light that is off is chosen, beside 1.
-const DARK_LIGHT: f32 = 0.01;
 /// Partly transparent surfaces that a ray passes, at most: what lies behind them is lost.
 const MAX_LAYERS: u32 = 1024;
 
@@ -58,37 +47,25 @@ pub struct Scene {
     accel: Accel,
     /// Triangles.
     pub mesh: Mesh,
-    /// Names of what triangles belong to, by [`Mesh::objects`].
-    pub parts: Vec<wavefront::Part>,
     /// Materials.
     pub materials: Vec<Material>,
     /// Lights.
     pub lights: Vec<Light>,
-    /// Bounds that the sidecar sets on the lights' variables.
-    pub light_bounds: Vec<builder::LightBounds>,
-    /// Chooses lights.
-    pub light_sampler: LightSampler,
-    /// Camera.
+    /// The author's camera.
     pub camera: Camera,
-    /// Factor on luminance before display encoding.
+    /// The author's factor on luminance before display encoding.
     pub exposure: f32,
     /// Whether a triangle belongs to the main object.
     pub is_main: Vec<bool>,
+    /// Indices of the materials whose base colour the background's value scales.
     background: Vec<usize>,
-    /// Bounds that the sidecar sets on the background's value.
-    pub value_range: Option<[f32; 2]>,
-    /// What is free, from the sidecar.
-    pub free: sidecar::FreeVariables,
-    /// Facts found while loading that a user should hear of.
-    pub warnings: Vec<String>,
-    /// The sidecar that was made for a scene without one.
-    pub staging: Option<String>,
-    /// The emissive mesh that a material belongs to.
+    /// Emissive mesh that a material belongs to, by material.
     emitters: Vec<Option<LightId>>,
-    /// By material.
+    /// Whether the background's value scales a material's base colour, by material.
     is_background: Vec<bool>,
-    background_value: f32,
+    /// Whether a ray may pass straight through some material.
     is_translucent: bool,
+    /// Number of lights whose bodies stop rays.
     n_stopping_lights: usize,
 }
 
@@ -121,7 +98,7 @@ pub struct SurfaceHit<'a> {
 
 impl Scene {
     /// A scene of triangles, materials and lights; everything is the main
-    /// object, nothing the background, exposure 1, all lights alike likely.
+    /// object, nothing the background, the exposure is 1.
     ///
     /// # Errors
     /// When the triangles are broken.
@@ -147,31 +124,31 @@ impl Scene {
         Ok(Self {
             emitters,
             is_background: vec![false; materials.len()],
-            background_value: 1.0,
             is_translucent: materials.iter().any(Material::is_translucent),
             n_stopping_lights: lights.iter().filter(|l| l.occludes).count(),
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],
             mesh,
-            parts: Vec::new(),
             materials,
-            light_bounds: vec![builder::LightBounds::default(); lights.len()],
-            light_sampler: LightSampler::new(&vec![1.0; lights.len()]),
             lights,
             camera,
             exposure: 1.0,
             background: Vec::new(),
-            value_range: None,
-            free: sidecar::FreeVariables::default(),
-            warnings: Vec::new(),
-            staging: None,
         })
     }
 
-    /// Hash of all that decides how light is transported: geometry, materials,
-    /// lights with their present sizes, camera and background; not the radiances,
-    /// the exposure, nor what is main.
+    /// The same scene with these as the materials whose base colour the background's value scales.
+    #[must_use]
+    pub fn with_background(mut self, materials: Vec<usize>) -> Self {
+        self.is_background.fill(false);
+        materials.iter().for_each(|&m| self.is_background[m] = true);
+        self.background = materials;
+        self
+    }
+
+    /// Hash of all that decides how light is transported, but for what a lighting, a camera and a
+    /// sampling plan say: geometry, materials, and the lights' kinds and places.
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
         let m = &self.mesh;
@@ -179,7 +156,7 @@ impl Scene {
         let floats = vectors.chain(m.uvs.iter().flat_map(|v| v.to_array())).flat_map(f32::to_le_bytes);
         let indices = m.indices.iter().flatten().chain(&m.materials).flat_map(|i| i.to_le_bytes());
         let lights: Vec<Light> = self.lights.iter().map(|l| Light { radiance: 1.0, ..l.clone() }).collect();
-        let words = format!("{:?} {lights:?} {:?} {:?}", self.materials, self.camera, self.background);
+        let words = format!("{:?} {lights:?} {:?}", self.materials, self.background);
         hash_words(&[hash_bytes(floats), hash_bytes(indices), hash_bytes(words.into_bytes().into_iter())])
     }
 
@@ -187,15 +164,17 @@ impl Scene {
     /// opaque does not count.
     #[must_use]
     pub fn intersect(&self, org: Vec3, dir: Vec3) -> Option<SurfaceHit<'_>> {
-        self.first_surface(org, dir, |opacity, _| opacity >= 0.5)
+        self.first_surface(org, dir, 1.0, |opacity, _| opacity >= 0.5)
     }
 
     /// Follows a ray with unit direction to what ends it. At a surface that is
-    /// partly transparent it ends with the opacity as probability. A light
-    /// never stops rays that start on it (`origin`).
+    /// partly transparent it ends with the opacity as probability. A light never stops rays that
+    /// start on it (`origin`). `sampling_value` is the background's value for which the surface's
+    /// lobes are chosen.
     #[must_use]
-    pub fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>) -> Edge<'_> {
-        let hit = self.first_surface(org, dir, |opacity, prim| opacity >= uniform(org, dir, prim));
+    pub fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>, sampling_value: f32) -> Edge<'_> {
+        let hit =
+            self.first_surface(org, dir, sampling_value, |opacity, prim| opacity >= uniform(org, dir, prim));
         let mut edge =
             Edge { org, dir, hit, t_max: hit.map_or(f32::INFINITY, |hit| hit.t), stopped_by: None };
         if let Some((light, t)) = self.first_stop(org, dir, edge.t_max, origin) {
@@ -209,12 +188,13 @@ impl Scene {
         &self,
         org: Vec3,
         dir: Vec3,
+        sampling_value: f32,
         accept: impl Fn(f32, u32) -> bool,
     ) -> Option<SurfaceHit<'_>> {
         let (mut from, mut passed) = (org, 0.0);
         for _ in 0..MAX_LAYERS {
             let hit = self.accel.intersect(&Ray { org: from, dir, t_min: 0.0, t_max: f32::INFINITY })?;
-            let hit = SurfaceHit { t: passed + hit.t, ..self.surface(&hit, dir) };
+            let hit = SurfaceHit { t: passed + hit.t, ..self.surface(&hit, dir, sampling_value) };
             let material = &self.materials[hit.material as usize];
             if !self.is_translucent
                 || !material.is_translucent()
@@ -250,7 +230,7 @@ impl Scene {
         first
     }
 
-    fn surface(&self, hit: &Hit, dir: Vec3) -> SurfaceHit<'_> {
+    fn surface(&self, hit: &Hit, dir: Vec3, sampling_value: f32) -> SurfaceHit<'_> {
         let triangle = hit.prim as usize;
         let [i, j, k] = self.mesh.indices[triangle].map(|i| i as usize);
         let [a, b, c] = [self.mesh.positions[i], self.mesh.positions[j], self.mesh.positions[k]];
@@ -265,7 +245,8 @@ impl Scene {
         let uv: Vec2 = self.mesh.uvs[i] * w + self.mesh.uvs[j] * u + self.mesh.uvs[k] * v;
         let material = self.mesh.materials[triangle];
         let surface = &self.materials[material as usize];
-        let bsdf = surface.bsdf(uv);
+        let is_background = self.is_background[material as usize];
+        let bsdf = surface.bsdf(uv, if is_background { sampling_value } else { 1.0 });
         let tilted = surface.relief().map(|r| relief::tilt(r, &self.mesh, triangle, uv, ns));
         let si = SurfaceInteraction {
             p,
@@ -275,15 +256,22 @@ impl Scene {
             untilted: tilted.map(|_| ns),
             bsdf,
             triangle: hit.prim,
-            is_background: self.is_background[material as usize],
+            is_background,
         };
         SurfaceHit { t: hit.t, uv, material, si }
     }
 
-    /// Base colour of the surface hit, background value included.
+    /// Base colour of the surface hit at a value of the background.
     #[must_use]
-    pub fn base_color(&self, hit: &SurfaceHit) -> crate::math::Rgb {
-        self.materials[hit.material as usize].color(hit.uv)
+    pub fn base_color(&self, hit: &SurfaceHit, value: f32) -> Rgb {
+        let material = hit.material as usize;
+        self.materials[material].color(hit.uv) * self.value_of(material, value)
+    }
+
+    /// Factor on a material's base colour at a value of the background.
+    #[must_use]
+    pub fn value_of(&self, material: usize, value: f32) -> f32 {
+        if self.is_background[material] { value } else { 1.0 }
     }
 
     /// Share of the light that passes the open segment from `from` to `to`, over
@@ -312,7 +300,7 @@ impl Scene {
                 return passed;
             }
             let Some(hit) = self.accel.intersect(&Ray { org, dir, t_min: 0.0, t_max }) else { return passed };
-            let hit = self.surface(&hit, dir);
+            let hit = self.surface(&hit, dir, 1.0);
             let material = &self.materials[hit.material as usize];
             if !material.is_translucent() {
                 return 0.0;
@@ -326,13 +314,19 @@ impl Scene {
         0.0
     }
 
-    /// Calls `f` for every light that an edge meets, the one at its end included.
-    pub fn for_each_crossing(&self, edge: &Edge, mut f: impl FnMut(LightId, &Light, &Crossing)) {
-        for (i, light) in self.lights.iter().enumerate() {
+    /// Calls `f` for every light that an edge meets, the one at its end included; `sizes` gives
+    /// the extent of each light.
+    pub fn for_each_crossing(
+        &self,
+        edge: &Edge,
+        sizes: &[SizeDensity],
+        mut f: impl FnMut(LightId, &Light, &Crossing),
+    ) {
+        for ((i, light), q) in self.lights.iter().enumerate().zip(sizes) {
             let i = i as LightId;
             // The body of a light that ends the edge lies where its crossing does.
             let t_max = if edge.stopped_by == Some(i) { edge.t_max * 1.0001 } else { edge.t_max };
-            if let Some(c) = light.crossing(edge.org, edge.dir, t_max) {
+            if let Some(c) = light.crossing(edge.org, edge.dir, t_max, q.extent()) {
                 f(i, light, &c);
             }
         }
@@ -346,11 +340,10 @@ impl Scene {
         }
     }
 
-    /// Makes these the materials whose base colour the background's value scales.
-    pub fn set_background(&mut self, materials: Vec<usize>) {
-        self.is_background.fill(false);
-        materials.iter().for_each(|&m| self.is_background[m] = true);
-        self.background = materials;
+    /// Names of the lights, in their order.
+    #[must_use]
+    pub fn light_names(&self) -> Vec<&str> {
+        self.lights.iter().map(|l| l.name.as_str()).collect()
     }
 
     /// Materials whose base colour the background's value scales.
@@ -359,48 +352,9 @@ impl Scene {
         &self.background
     }
 
-    /// Largest channel that a background material's base colour takes at value 1.
+    /// Largest channel that the base colour of a background material takes at value 1.
     #[must_use]
     pub fn background_albedo(&self) -> f32 {
         self.background.iter().map(|&m| self.materials[m].max_albedo()).fold(0.0, f32::max)
-    }
-
-    /// The background's value factor.
-    #[must_use]
-    pub fn background_value(&self) -> f32 {
-        self.background_value
-    }
-
-    /// Sets the background's value factor; `largest` is the most it will be.
-    pub fn set_background_value(&mut self, value: f32, largest: f32) {
-        self.background_value = value;
-        for &m in &self.background {
-            self.materials[m].set_value(value, largest);
-        }
-    }
-
-    /// Chooses lights with probabilities proportional to `weights`, all positive.
-    pub fn select_lights(&mut self, weights: &[f32]) {
-        self.light_sampler = LightSampler::new(weights);
-    }
-
-    /// Hardly ever chooses the lights whose radiance is 0: a picture has nothing of them.
-    pub fn select_shining_lights(&mut self) {
-        let weight = |l: &Light| if l.radiance > 0.0 { 1.0 } else { DARK_LIGHT };
-        let weights: Vec<f32> = self.lights.iter().map(weight).collect();
-        self.select_lights(&weights);
-    }
-
-    /// Chooses every light as often.
-    pub fn select_all_lights(&mut self) {
-        self.select_lights(&vec![1.0; self.lights.len()]);
-    }
-
-    /// Sets a light's radiance and present size, sampled at that size.
-    pub fn set_light(&mut self, light: usize, radiance: f32, size: f32) {
-        let l = &mut self.lights[light];
-        l.radiance = radiance;
-        l.size = size;
-        l.size_density = crate::light::SizeDensity::uniform_area(size);
     }
 }

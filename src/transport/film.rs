@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::{COLOURS, Layout, kernels};
 use crate::{
-    film::{Contribution, Film, Recorder, Region, RowRecorder},
+    film::{Contribution, Film, Recorder, RowRecorder},
     math::NodeRgb,
 };
 
@@ -216,8 +216,8 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
     where
         Self: 'a;
 
-    fn region(&self) -> Region {
-        Region::full(self.layout.size)
+    fn size(&self) -> UVec2 {
+        self.layout.size
     }
 
     fn rows(&mut self) -> Vec<BasisRow<'_, N>> {
@@ -242,10 +242,6 @@ impl<const N: usize> Film<N> for BasisFilm<'_, N> {
 
     fn defects(&self) -> (u64, u64) {
         (self.non_finite.load(Ordering::Relaxed), 0)
-    }
-
-    fn outside(&self) -> BasisRow<'_, N> {
-        unreachable!("a basis film keeps the whole picture")
     }
 }
 

@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::{Layout, LightingPoint, Recombination, Tables, TransportBasis, ValueNodes, kernels};
+use super::{Layout, Recombination, Tables, TransportBasis, ValueNodes, kernels};
+use crate::lighting::Lighting;
 
 /// What a basis is to the first order around one value of the background: light's polynomials are
 /// evaluated once, for the cells that are asked for, and not in every picture. Pictures of lightings
@@ -31,7 +32,7 @@ impl<'b> Linearised<'b> {
     }
 
     /// Makes what a lighting of its value needs.
-    pub fn prepare(&mut self, x: &LightingPoint) {
+    pub fn prepare(&mut self, x: &Lighting) {
         let missing: Vec<usize> = Recombination::new(&self.layout, x)
             .cells(&self.layout)
             .filter(|&c| self.cells[c].is_empty())

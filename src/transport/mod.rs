@@ -29,16 +29,16 @@ use glam::UVec2;
 use rayon::prelude::*;
 
 use crate::{
-    integrator::{Integrator, Observer, RenderError, Sampling, Values},
+    integrator::{Integrator, Observer, RenderError, Samples, Values, View},
+    lighting::SamplingPlan,
     sampler::SamplerKind,
-    scene::Scene,
 };
 
 pub use film::BasisFilm;
 pub use knots::Knots;
 pub use linearised::Linearised;
 pub use nodes::ValueNodes;
-pub use recombine::{LightingGradient, LightingPoint, Recombination, Tables, Tangents};
+pub use recombine::{LightingGradient, Recombination, Tables, Tangents};
 
 /// Channels in the table of colour: red and blue.
 const COLOURS: usize = 2;
@@ -154,8 +154,10 @@ pub struct TransportBasis {
 /// What fills a basis.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
-    /// The scene; its lights' radiances do not matter.
-    pub scene: &'a Scene,
+    /// The scene and the camera.
+    pub view: View<'a>,
+    /// Where samples go.
+    pub plan: &'a SamplingPlan,
     /// Light transport.
     pub integrator: &'a Integrator,
     /// Family of sequences.
@@ -235,10 +237,11 @@ impl TransportBasis {
         let Self { layout, luminance, colour, n_samples, weight, taken } = self;
         let node = |k: usize| layout.nodes.values().get(k).map_or(0.0, |&v| v as f32);
         let nodes = Values::<N>(std::array::from_fn(node));
-        let sampling = Sampling { sampler: source.sampler, seed: source.seed, first: *taken, count };
-        let replicates: Vec<Sampling> = (0..luminance.len() as u64).map(|r| sampling.replicate(r)).collect();
+        let samples = Samples { sampler: source.sampler, seed: source.seed, first: *taken, count };
+        let replicates: Vec<Samples> = (0..luminance.len() as u64).map(|r| samples.replicate(r)).collect();
         let mut film = BasisFilm::<N>::new(layout, luminance, colour, *n_samples == 0, *weight);
-        source.integrator.render_values(source.scene, &nodes, &mut film, &replicates, observer)?;
+        let Source { view, plan, integrator, .. } = source;
+        integrator.render_values(view, &nodes, plan, &mut film, &replicates, observer)?;
         film.finish();
         *taken += count;
         *n_samples += *weight * count;

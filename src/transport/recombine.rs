@@ -1,21 +1,9 @@
 //! Images of a lighting from the basis, and their exact derivatives.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::{COLOURS, Layout, TransportBasis, kernels};
-use crate::{film::Picture, math::display::LUMINANCE_WEIGHTS};
-
-/// A lighting: what the basis leaves open.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LightingPoint {
-    /// Radiance of each light.
-    pub radiance: Vec<f64>,
-    /// Size of each light; of no effect where it is not free.
-    pub size: Vec<f64>,
-    /// The background's value; of no effect where it is not free.
-    pub value: f64,
-}
+use crate::{film::Picture, lighting::Lighting, math::display::LUMINANCE_WEIGHTS};
 
 /// One row of the tables in an image, with the derivatives of its weight.
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +75,7 @@ impl Recombination {
     /// # Panics
     /// When the lighting has another number of lights than the layout.
     #[must_use]
-    pub fn new(layout: &Layout, x: &LightingPoint) -> Self {
+    pub fn new(layout: &Layout, x: &Lighting) -> Self {
         assert_eq!(x.radiance.len(), layout.lights.len(), "one radiance a light");
         assert_eq!(x.size.len(), layout.lights.len(), "one size a light");
         let n_nodes = layout.nodes.len();
@@ -227,7 +215,7 @@ impl TransportBasis {
 
     /// The share of each light in the mean luminance of a lighting; all 0 in the dark.
     #[must_use]
-    pub fn shares(&self, x: &LightingPoint) -> Vec<f64> {
+    pub fn shares(&self, x: &Lighting) -> Vec<f64> {
         let r = Recombination::new(&self.layout, x);
         let mut sums = vec![0.0_f64; x.radiance.len()];
         for e in &r.entries {
@@ -243,7 +231,7 @@ impl TransportBasis {
 
     /// The picture of a lighting: mean over the replicates, with each light's share.
     #[must_use]
-    pub fn picture(&self, x: &LightingPoint) -> Picture {
+    pub fn picture(&self, x: &Lighting) -> Picture {
         let layout = self.layout();
         let n = layout.n_pixels();
         let n_nodes = layout.nodes.len();

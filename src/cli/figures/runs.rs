@@ -12,15 +12,17 @@ use crate::{
         progress::Console,
         run::reach,
     },
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport},
+    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject},
     figures::{
         LOOKS, Outcome, Study,
         convergence::{Search, mode, steps},
         study::{BASKET, BASKET_TITLE},
         table::Entry,
     },
+    import::Loaded,
+    lighting::Lighting,
     objective::{LuminanceMode, Target},
-    scene::sidecar::{FreeKind, FreeVariables},
+    variables::FreeKinds,
 };
 
 /// Most memory of a transport basis, bytes.
@@ -59,7 +61,7 @@ pub(super) const TIMING_HEADER: [&str; 10] = [
 ];
 
 impl Runner<'_> {
-    fn options(&self, directory: &str, free: Vec<FreeKind>) -> anyhow::Result<RunOptions> {
+    fn options(&self, directory: &str, free: FreeKinds) -> anyhow::Result<RunOptions> {
         let jobs = LOOKS.iter().map(|look| {
             let out = self.out.join(directory).join(look);
             Ok(Job { target: Target::resolve(look)?, out })
@@ -79,7 +81,7 @@ impl Runner<'_> {
             work_size: self.settings.work_size,
             spp: Some(self.settings.spp),
             final_spp: self.settings.final_spp,
-            free: FreeVariables(free),
+            free,
             seed: self.transport.seed,
             max_evaluations: self.settings.max_evaluations,
             force: self.force,
@@ -88,9 +90,12 @@ impl Runner<'_> {
 
     fn run(&self, scene: &str, options: &RunOptions) -> anyhow::Result<Vec<RunReport>> {
         let path = self.scenes.join(scene);
-        let mut scene = load_scene(&path, None, |w| self.console.note(w))?;
-        let reports = design::run(&mut scene, &path, options, self.console)
-            .with_context(|| path.display().to_string())?;
+        let loaded = load_scene(&path, |w| self.console.note(w))?;
+        let Loaded { scene, wishes, .. } = &loaded;
+        let authored = Lighting::authored(scene);
+        let subject = Subject { scene, path: &path, authored: &authored, wishes };
+        let reports =
+            design::run(subject, options, self.console).with_context(|| path.display().to_string())?;
         super::workshop::stop_if_interrupted(self.console, self.out)?;
         Ok(reports)
     }
@@ -161,7 +166,7 @@ impl Runner<'_> {
             self.console.note(&format!("== {BASKET_TITLE}, {} mode", mode(gradient)));
             let s = &self.settings;
             let directory = format!("runs/convergence/{}", mode(gradient));
-            let free = vec![FreeKind::Radiance, FreeKind::Size];
+            let free = FreeKinds::named(&["radiance", "size"]);
             let mut options = RunOptions {
                 gradient,
                 size: s.compared_size,

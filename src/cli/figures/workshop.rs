@@ -176,7 +176,7 @@ impl<'a> Workshop<'a> {
         let Runner { scenes, out, settings, transport, console, .. } = self.runner;
         console.note("== One light at several sizes and fluxes");
         let path = scenes.join(BASKET);
-        let mut scene = load_scene(&path, None, |w| console.note(w))?;
+        let loaded = load_scene(&path, |w| console.note(w))?;
         let how = flux::Settings {
             size: settings.thumbnail(),
             // Samples are spread over all sizes.
@@ -186,7 +186,7 @@ impl<'a> Workshop<'a> {
             seed: transport.seed,
         };
         console.stage("rendering the transport basis", Some(u64::from(how.size.y)));
-        let grid = match flux::grid(&mut scene, &how, console) {
+        let grid = match flux::grid(&loaded.scene, &loaded.wishes, &how, console) {
             Err(flux::FluxError::Render(RenderError::Cancelled)) => {
                 return stop_if_interrupted(console, out);
             }

@@ -9,7 +9,6 @@ use crate::{
     film::exr::ExrPart,
     light::{Cone, Environment, Light, Outline, Planar, RadianceMap, Shape},
     math::{Frame, Rgb},
-    scene::Scene,
 };
 
 /// Points that stand for the disk of a spot. What a straight edge leaves of them
@@ -165,30 +164,29 @@ impl Export<'_> {
     /// What the triangles of a material emit, and whether from both sides.
     pub(super) fn mesh_emitter(
         &mut self,
-        scene: &Scene,
         material: usize,
         stem: &str,
     ) -> Result<Option<(String, bool)>, ExportError> {
-        let light = scene.lights.iter().find_map(|l| match &l.shape {
+        let light = self.lights.iter().find_map(|l| match &l.shape {
             Shape::Mesh(m) => {
                 let prim = m.prims().next()? as usize;
-                (scene.mesh.materials[prim] as usize == material).then_some((l, m))
+                (self.mesh.materials[prim] as usize == material).then_some((l, m))
             }
             _ => None,
         });
         let Some((l, m)) = light.filter(|(l, _)| l.radiance > 0.0) else { return Ok(None) };
         // What lets light pass emits less; Mitsuba's emits in full.
-        let opacity = if scene.materials[material].opacity_map().is_some() {
+        let opacity = if self.materials[material].opacity_map().is_some() {
             self.warnings.push(format!(
                 "material `{}`: emits in Mitsuba where it is transparent",
-                scene.materials[material].name
+                self.materials[material].name
             ));
             1.0
         } else {
-            scene.materials[material].opacity(Vec2::ZERO)
+            self.materials[material].opacity(Vec2::ZERO)
         };
         let radiance = l.color * (l.radiance * opacity);
-        let element = match scene.materials[material].emission_texture() {
+        let element = match self.materials[material].emission_texture() {
             None => format!("<rgb name=\"radiance\" value=\"{}\"/>", list(radiance)),
             Some(texture) => {
                 let [width, height] = texture.size();
@@ -202,7 +200,7 @@ impl Export<'_> {
                 let file = self.picture(&format!("{stem}_emission"), [width, height], part)?;
                 self.warnings.push(format!(
                     "material `{}`: Mitsuba samples what it emits rightly only where each texel is used once",
-                    scene.materials[material].name
+                    self.materials[material].name
                 ));
                 bitmap("radiance", &file, texture.transform())
             }

@@ -22,11 +22,10 @@ pub mod weight;
 
 use glam::UVec2;
 
-use super::{Integrator, Values};
+use super::Context;
 use crate::{
     film::Recorder,
     sampler::{Sampler, Stream},
-    scene::Scene,
 };
 pub use vertex::Vertex;
 
@@ -39,16 +38,11 @@ pub struct Workspace<'a, const N: usize = 1> {
     pub light: Vec<Vertex<'a, N>>,
 }
 
-/// Traces both subpaths of a sample and records every connection. With
-/// `trace_camera` off only the light subpath's splats are made.
-#[allow(clippy::too_many_arguments)]
+/// Traces both subpaths of a sample and records every connection.
 pub fn sample<'a, const N: usize>(
-    integrator: &Integrator,
-    scene: &'a Scene,
-    nodes: &Values<N>,
+    context: &Context<'a, N>,
     sampler: &mut Sampler,
     pixel: UVec2,
-    trace_camera: bool,
     workspace: &mut Workspace<'a, N>,
     recorder: &mut impl Recorder<N>,
 ) {
@@ -56,25 +50,21 @@ pub fn sample<'a, const N: usize>(
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
     let mut light_sampler = sampler.clone();
-    let is_lit = light_sampler.start_one_of(Stream::Light, integrator.camera_subpaths);
+    let is_lit = light_sampler.start_one_of(Stream::Light, context.camera_subpaths());
 
-    subpath::trace_camera(integrator, scene, nodes, sampler, pixel, camera, trace_camera, recorder);
-    let connect = connect::Connect { integrator, scene, nodes };
+    subpath::trace_camera(context, sampler, pixel, camera, recorder);
     if is_lit {
-        subpath::trace_light(integrator, scene, nodes, &mut light_sampler, light);
-        connect.to_camera(&mut connection, camera, light, recorder);
+        subpath::trace_light(context, &mut light_sampler, light);
+        connect::to_camera(context, &mut connection, camera, light, recorder);
     } else {
         light.clear();
         connection.skip_4d();
     }
-    if !trace_camera {
-        return;
-    }
     for t in 2..=camera.len() {
-        connect.next_event(&mut connection, camera, t, recorder);
-        let s_max = light.len().min(integrator.max_depth + 1 - t);
+        connect::next_event(context, &mut connection, &camera[..t], recorder);
+        let s_max = light.len().min(context.integrator.max_depth + 1 - t);
         for s in 2..=s_max {
-            connect.vertices(light, s, camera, t, recorder);
+            connect::vertices(context, &light[..s], &camera[..t], recorder);
         }
     }
 }

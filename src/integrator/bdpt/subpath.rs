@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::{
-    super::{Heuristic, Integrator, Strategy, Values, film_position, roulette},
+    super::{Context, Heuristic, Strategy, film_position, roulette},
     vertex::{Vertex, VertexKind},
     weight::Partial,
 };
@@ -13,24 +13,20 @@ use crate::{
     light::LightPoint,
     math::{NodeRgb, SolidAnglePdf},
     sampler::Sampler,
-    scene::{Edge, Scene},
+    scene::Edge,
 };
 
 /// Traces a camera subpath into `out` (`z_0` first) and records every light
-/// it crosses (s = 0). With `trace` off only `z_0` is made.
-#[allow(clippy::too_many_arguments)]
+/// it crosses (s = 0).
 pub fn trace_camera<'a, const N: usize>(
-    integrator: &Integrator,
-    scene: &'a Scene,
-    nodes: &Values<N>,
+    context: &Context<'a, N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     out: &mut Vec<Vertex<'a, N>>,
-    trace: bool,
     recorder: &mut impl Recorder<N>,
 ) {
     let raster = film_position(pixel, sampler.next_2d());
-    let (org, dir) = scene.camera.ray(raster, sampler.next_2d());
+    let (org, dir) = context.camera.ray(raster, sampler.next_2d());
     out.clear();
     out.push(Vertex {
         kind: VertexKind::Camera,
@@ -43,50 +39,47 @@ pub fn trace_camera<'a, const N: usize>(
         delta: false,
         mis: Partial::default(),
     });
-    if !trace {
-        return;
-    }
     let walk = Walk {
         org,
         dir,
         beta: NodeRgb::ONE,
-        pdf: scene.camera.pdf_we(dir),
+        pdf: context.camera.pdf_we(dir),
         // z_1 can be connected to the lens; t = 0 does not exist.
         mis: Partial { previous: 1.0, geometry: 0.0, inner: 0.0 },
         cos_over_pdf: 0.0,
         mode: TransportMode::Radiance,
     };
-    walk.run(integrator, scene, nodes, sampler, out, |walk, n_edges, from, edge| {
-        cross_lights(integrator, scene, walk, n_edges, from, edge, recorder);
+    walk.run(context, sampler, out, |walk, n_edges, from, edge| {
+        cross_lights(context, walk, n_edges, from, edge, recorder);
     });
 }
 
 /// Records the lights that an edge of a camera subpath crosses (s = 0).
 fn cross_lights<const N: usize>(
-    integrator: &Integrator,
-    scene: &Scene,
+    context: &Context<N>,
     walk: &Walk<N>,
     n_edges: usize,
     from: &Vertex<N>,
     edge: &Edge,
     recorder: &mut impl Recorder<N>,
 ) {
-    let h = integrator.heuristic;
-    scene.for_each_crossing(edge, |id, light, c| {
+    let h = context.integrator.heuristic;
+    context.for_each_crossing(edge, |id, light, c| {
         if n_edges == 1 && !light.camera_visible {
             return;
         }
-        let pmf = f64::from(scene.light_sampler.pmf(id).0);
+        let sampled = context.light(id);
+        let pmf = f64::from(sampled.pmf.0);
         let dist2 = light.distance2(c.at.p, from.p);
         let cos = c.at.n.dot(walk.dir);
         let p_hit = f64::from(walk.pdf.to_area(dist2, cos).0);
-        let p_nee = pmf * f64::from(light.pdf_li(from.p, &c.at).to_area(dist2, cos).0);
-        let (origin, emission) = light.pdf_le(&c.at, -walk.dir);
+        let p_nee = pmf * f64::from(sampled.pdf_li(from.p, &c.at).to_area(dist2, cos).0);
+        let (origin, emission) = sampled.pdf_le(&c.at, -walk.dir);
         let partial = walk.partial(h, dist2);
         // s = 1 has its own density of the light point, s >= 2 that of an origin.
-        let n_nee = f64::from(integrator.samples_at(n_edges - 1));
+        let n_nee = f64::from(context.samples_at(n_edges - 1));
         let s1 = h.apply(n_nee * p_nee / p_hit) * partial.previous;
-        let p_origin = f64::from(integrator.light_subpaths()) * pmf * f64::from(origin.0);
+        let p_origin = f64::from(context.light_subpaths()) * pmf * f64::from(origin.0);
         let s2 = h.apply(p_origin / p_hit) * (partial.close(h, emission.0) - partial.previous);
         let mis_weight = (1.0 / (1.0 + s1 + s2)) as f32;
         recorder.add(&Contribution {
@@ -101,9 +94,7 @@ fn cross_lights<const N: usize>(
 
 /// Traces a light subpath into `out` (`y_0` first); empty without lights.
 pub fn trace_light<'a, const N: usize>(
-    integrator: &Integrator,
-    scene: &'a Scene,
-    nodes: &Values<N>,
+    context: &Context<'a, N>,
     sampler: &mut Sampler,
     out: &mut Vec<Vertex<'a, N>>,
 ) {
@@ -113,10 +104,11 @@ pub fn trace_light<'a, const N: usize>(
     let u_pos = sampler.next_2d();
     let u_dir = sampler.next_2d();
     let _spare = sampler.next_2d();
-    let Some((id, pmf, _)) = scene.light_sampler.sample(u_light) else { return };
-    let light = &scene.lights[id as usize];
-    let Some(e) = light.sample_le(u_pos, u_dir) else { return };
-    let n = integrator.light_subpaths();
+    let Some((id, pmf, _)) = context.plan.lights.sample(u_light) else { return };
+    let sampled = context.light(id);
+    let light = sampled.light;
+    let Some(e) = sampled.sample_le(u_pos, u_dir) else { return };
+    let n = context.light_subpaths();
     let origin = pmf.0 * e.pdf_pos.0;
     let cos = if light.is_delta() { 1.0 } else { e.at.n.dot(e.dir).abs() };
     out.push(Vertex {
@@ -139,12 +131,16 @@ pub fn trace_light<'a, const N: usize>(
         mis: Partial {
             previous: 0.0,
             geometry: 0.0,
-            inner: if light.is_delta() { 0.0 } else { integrator.heuristic.apply(1.0 / f64::from(n)) },
+            inner: if light.is_delta() {
+                0.0
+            } else {
+                context.integrator.heuristic.apply(1.0 / f64::from(n))
+            },
         },
         cos_over_pdf: f64::from(cos) / f64::from(origin),
         mode: TransportMode::Importance,
     };
-    walk.run(integrator, scene, nodes, sampler, out, |_, _, _, _| {});
+    walk.run(context, sampler, out, |_, _, _, _| {});
 }
 
 /// State of a random walk: the ray that leaves the last vertex.
@@ -171,20 +167,19 @@ impl<const N: usize> Walk<N> {
     /// edge with its number and its first vertex.
     fn run<'a>(
         mut self,
-        integrator: &Integrator,
-        scene: &'a Scene,
-        nodes: &Values<N>,
+        context: &Context<'a, N>,
         sampler: &mut Sampler,
         out: &mut Vec<Vertex<'a, N>>,
         mut on_edge: impl FnMut(&Self, usize, &Vertex<'a, N>, &Edge),
     ) {
-        let h = integrator.heuristic;
+        let h = context.integrator.heuristic;
+        let max_depth = context.integrator.max_depth;
         let is_camera = self.mode == TransportMode::Radiance;
         let start = self.beta.largest().max_element();
         loop {
             let n_edges = out.len();
             // The last edge of a path can only cross a light: light subpaths need not walk it.
-            if n_edges == integrator.max_depth && !is_camera {
+            if n_edges == max_depth && !is_camera {
                 return;
             }
             let from = out[n_edges - 1];
@@ -192,27 +187,27 @@ impl<const N: usize> Walk<N> {
                 VertexKind::Light(id) => Some(id),
                 _ => None,
             };
-            let edge = scene.trace(self.org, self.dir, origin);
+            let edge = context.trace(self.org, self.dir, origin);
             on_edge(&self, n_edges, &from, &edge);
             let Some(hit) = edge.hit else { return };
-            if n_edges == integrator.max_depth {
+            if n_edges == max_depth {
                 return;
             }
             let si = hit.si;
             let wo = -self.dir;
-            let light = origin.map(|id| (id, &scene.lights[id as usize]));
+            let light = origin.map(|id| context.light(id));
             let dist2 =
-                light.map_or_else(|| si.p.distance_squared(from.p), |(_, l)| l.distance2(from.p, si.p));
+                light.map_or_else(|| si.p.distance_squared(from.p), |l| l.light.distance2(from.p, si.p));
             let mut mis = self.partial(h, dist2);
-            if let Some((id, light)) = light {
+            if let Some(sampled) = light {
                 // c_1 on the light side: the density of y_0 as seen from y_1, a later vertex of the
                 // camera subpath, over its own.
-                let n = f64::from(integrator.samples_at(2) / integrator.light_subpaths());
-                let expected = n * f64::from(scene.light_sampler.pmf(id).0);
-                mis.previous = if light.is_delta() {
+                let n = f64::from(context.samples_at(2) / context.light_subpaths());
+                let expected = n * f64::from(sampled.pmf.0);
+                mis.previous = if sampled.light.is_delta() {
                     h.apply(n)
                 } else {
-                    let nee = light.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
+                    let nee = sampled.pdf_li(si.p, &from.at).to_area(dist2, from.at.n.dot(wo));
                     h.apply(expected * f64::from(nee.0) / from.pdf_fwd)
                 };
             }
@@ -235,7 +230,7 @@ impl<const N: usize> Walk<N> {
             vertex.delta = sample.is_some_and(|s| s.delta);
             out.push(vertex);
             let Some(s) = sample else { return };
-            self.beta = nodes.scatter(&self.beta, s.weight, &si);
+            self.beta = context.scatter(&self.beta, s.weight, &si);
             let throughput = self.beta.largest() / start;
             let Some(survivor) = roulette(n_edges, throughput, u_roulette) else { return };
             self.beta = self.beta.scaled(survivor);

@@ -9,10 +9,10 @@ use super::{Workspace, vertex::Vertex};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    integrator::{Integrator, Values},
+    integrator::Context,
     light::{LightId, LightPoint},
     sampler::Sampler,
-    scene::{Scene, SurfaceInteraction},
+    scene::SurfaceInteraction,
 };
 
 /// A vertex of a complete path, light first.
@@ -38,15 +38,9 @@ pub struct LightEnd {
 /// Weight of the strategy with `s` light vertices for the path `x` (light
 /// first, lens last). \[Veach97\] eq. 9.8 with densities by eq. 10.6.
 #[must_use]
-pub fn reference_weight(
-    integrator: &Integrator,
-    scene: &Scene,
-    end: LightEnd,
-    x: &[PathVertex],
-    s: usize,
-) -> f64 {
-    let densities = densities(integrator, scene, end, x);
-    let h = integrator.heuristic;
+pub fn reference_weight(context: &Context, end: LightEnd, x: &[PathVertex], s: usize) -> f64 {
+    let densities = densities(context, end, x);
+    let h = context.integrator.heuristic;
     let total: f64 = densities.iter().map(|&p| h.apply(p)).sum();
     h.apply(densities[s]) / total
 }
@@ -54,12 +48,13 @@ pub fn reference_weight(
 /// Area-product densities of all strategies of a path, s = 0 first, times the
 /// number of samples; zero where the strategy does not exist. Delta densities count as one.
 #[must_use]
-pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
+pub fn densities(context: &Context, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
     let k = x.len() - 1;
-    let n_light_samples = f64::from(integrator.samples_at(k - 1));
-    let n_light_subpaths = f64::from(integrator.light_subpaths());
-    let light = &scene.lights[end.id as usize];
-    let pmf = f64::from(scene.light_sampler.pmf(end.id).0);
+    let n_light_samples = f64::from(context.samples_at(k - 1));
+    let n_light_subpaths = f64::from(context.light_subpaths());
+    let sampled = context.light(end.id);
+    let light = sampled.light;
+    let pmf = f64::from(sampled.pmf.0);
     let is_infinite = light.is_infinite();
     let direction = |from: usize, to: usize| match (from, to) {
         (0, _) if is_infinite => end.at.n,
@@ -85,7 +80,7 @@ pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[Pat
         Some(si) => si.scatter(direction(at, previous), direction(at, next), TransportMode::Radiance).pdf.0,
         None => 0.0,
     };
-    let (origin, emission) = light.pdf_le(&end.at, first);
+    let (origin, emission) = sampled.pdf_le(&end.at, first);
     let from_light: Vec<f64> = (0..k)
         .map(|i| match i {
             0 => pmf * f64::from(origin.0),
@@ -96,14 +91,14 @@ pub fn densities(integrator: &Integrator, scene: &Scene, end: LightEnd, x: &[Pat
     let from_camera: Vec<f64> = (0..k)
         .map(|i| {
             if i + 1 == k {
-                to_area(k, i, scene.camera.pdf_we(direction(k, i)).0)
+                to_area(k, i, context.camera.pdf_we(direction(k, i)).0)
             } else {
                 to_area(i + 1, i, scattered(i + 2, i + 1, i))
             }
         })
         .collect();
     let next_event =
-        pmf * if light.is_delta() { 1.0 } else { to_area(1, 0, light.pdf_li(x[1].p, &end.at).0) };
+        pmf * if light.is_delta() { 1.0 } else { to_area(1, 0, sampled.pdf_li(x[1].p, &end.at).0) };
     (0..=k)
         .map(|s| {
             let exists = match s {
@@ -134,26 +129,11 @@ pub struct Compared {
 }
 
 /// Takes one bidirectional sample and compares the weights of its contributions.
-pub fn compare_weights(
-    integrator: &Integrator,
-    scene: &Scene,
-    sampler: &mut Sampler,
-    pixel: UVec2,
-) -> Vec<Compared> {
+pub fn compare_weights(context: &Context, sampler: &mut Sampler, pixel: UVec2) -> Vec<Compared> {
     let mut found: Vec<Contribution> = Vec::new();
     let mut workspace = Workspace::default();
     let mut recorder = |_raster: Option<glam::Vec2>, c: &Contribution| found.push(*c);
-    let nodes = Values([scene.background_value()]);
-    super::sample(
-        integrator,
-        scene,
-        &nodes,
-        sampler,
-        pixel,
-        true,
-        &mut workspace,
-        as_recorder(&mut recorder),
-    );
+    super::sample(context, sampler, pixel, &mut workspace, as_recorder(&mut recorder));
     found
         .into_iter()
         .map(|c| {
@@ -181,7 +161,7 @@ pub fn compare_weights(
             let surfaces = &x[1..x.len() - 1];
             Compared {
                 contribution: c,
-                reference: reference_weight(integrator, scene, end, &x, s),
+                reference: reference_weight(context, end, &x, s),
                 shortest_edge: surfaces
                     .windows(2)
                     .map(|e| e[0].p.distance(e[1].p))

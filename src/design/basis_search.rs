@@ -1,0 +1,265 @@
+//! Optimisation on the transport basis: one render, many evaluations.
+//!
+//! Few samples of a basis for all lightings tell where to look. Around the lights found
+//! a basis of its own is rendered, whose knots and samples lie there, and the search goes
+//! on in it; samples are added until the error of f_q is small enough. A check render with
+//! samples that chose nothing gives the f_q that is reported; while both disagree, the
+//! basis is rendered anew. Several looks share all renders.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::{
+    Reporter, RunError, check,
+    look::{Found, LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
+    precision::{LEAST_SAMPLES, Precision},
+    search::{self, Polished, Trial},
+    seeds::{Purpose, seed_for},
+    setup::{Setup, Task},
+    working_basis::{Focus, REPLICATES, WorkingBasis},
+};
+use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
+
+/// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
+/// of all that lie around it. They are as many at least as can be trusted, and become a power of
+/// two a replicate, after which Sobol's sequence leaves the least noise.
+const CHECK_SHARE: f64 = 0.5;
+
+/// Finds the lights of several looks: searches, adds samples, checks, refocuses.
+///
+/// # Errors
+/// When a render or the record fails.
+pub fn optimise(
+    basis: &mut WorkingBasis,
+    tasks: &mut [Task<'_>],
+    setup: Setup,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<Vec<Found>, RunError> {
+    reporter.stage("searching the basis", None);
+    basis.release();
+    let open = begin_searches(basis, tasks, setup, reporter)?;
+    let found = open.iter().map(|_| None).collect();
+    let spent = Spent::default();
+    let mut search =
+        BasisSearch { setup, reporter, basis, focused: None, open, found, spent, disagree: false, renders };
+    let begin = Instant::now();
+    while !search.open.is_empty() {
+        let is_late = setup.options.time_limit.is_some_and(|t| begin.elapsed() >= t);
+        let may_go_on = !reporter.cancelled() && !is_late;
+        match search.next_step(may_go_on) {
+            Step::Check => search.check(may_go_on)?,
+            step => search.take(step)?,
+        }
+    }
+    Ok(search.found.into_iter().flatten().collect())
+}
+
+/// The search for the lights of several looks on common bases.
+struct BasisSearch<'b, 't, 'a, R> {
+    setup: Setup<'b>,
+    reporter: &'b R,
+    /// The basis of all lightings.
+    basis: &'b mut WorkingBasis,
+    /// A basis around what was found, once one was needed.
+    focused: Option<WorkingBasis>,
+    /// The looks whose lights are still sought.
+    open: Vec<LookSearch<'t, 'a>>,
+    /// What was found per look.
+    found: Vec<Option<Found>>,
+    /// What the bases have cost.
+    spent: Spent,
+    /// Whether the last check and the basis disagree.
+    disagree: bool,
+    renders: &'b mut u64,
+}
+
+impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
+    /// The basis in which the search goes on.
+    fn now(&self) -> &WorkingBasis {
+        self.focused.as_ref().unwrap_or(self.basis)
+    }
+
+    /// What all looks need next.
+    fn next_step(&mut self, may_go_on: bool) -> Step {
+        if std::mem::take(&mut self.disagree) {
+            // As many would let noise choose again.
+            return Step::Refocus(2 * self.now().samples());
+        }
+        let now = self.now();
+        let steps = self.open.iter().map(|look| look.next_step(now, self.spent, self.setup, may_go_on));
+        Step::for_all(&steps.collect::<Vec<_>>(), now.samples())
+    }
+
+    /// Takes a step that is no check, and lets every look go on from there.
+    fn take(&mut self, step: Step) -> Result<(), RunError> {
+        let (setup, reporter) = (self.setup, self.reporter);
+        let clock = Instant::now();
+        match step {
+            Step::Refocus(samples) => {
+                let foci = foci(&self.open, self.now(), setup, 0.5);
+                let mut fresh = self.now().around(foci, self.spent.rounds, &setup);
+                self.open.iter_mut().for_each(|look| look.searched = 0);
+                self.spent.rounds += 1;
+                self.focused = None;
+                match fresh.add(samples, &setup, reporter) {
+                    Err(RunError::Render(RenderError::Cancelled)) => return Ok(()),
+                    other => other?,
+                }
+                self.focused = Some(fresh);
+            }
+            Step::Aim(samples) => {
+                let foci = foci(&self.open, self.now(), setup, 0.5);
+                self.basis.aim_at(foci);
+                self.basis.add(samples, &setup, reporter)?;
+            }
+            Step::Add(samples) => {
+                self.spent.additions += 1;
+                self.focused.as_mut().unwrap_or(self.basis).add(samples, &setup, reporter)?;
+            }
+            Step::Search | Step::Check => {}
+        }
+        if !matches!(step, Step::Search) {
+            self.open.iter_mut().try_for_each(|look| look.log_time("basis", clock))?;
+        }
+        let clock = Instant::now();
+        let now = self.focused.as_ref().unwrap_or(self.basis);
+        let cancelled = || reporter.cancelled();
+        self.open.par_iter_mut().try_for_each(|look| look.advance(step, now, setup, &cancelled))?;
+        self.open.iter_mut().try_for_each(|look| look.log_time("refine", clock))
+    }
+
+    /// Checks what was found for every look with new samples; the looks for which the basis and the
+    /// check agree, or nothing more may be done, are finished.
+    fn check(&mut self, may_go_on: bool) -> Result<(), RunError> {
+        let (setup, reporter) = (self.setup, self.reporter);
+        let clock = Instant::now();
+        let open = std::mem::take(&mut self.open);
+        let now = self.focused.as_ref().unwrap_or(self.basis);
+        let checks = check_all(&open, now, setup, self.spent.rounds, self.renders, reporter)?;
+        let mut agreed = Vec::new();
+        for (mut look, measured) in open.into_iter().zip(checks) {
+            look.log_time("check", clock)?;
+            let expected = &look.best.estimate;
+            let (f, checked) = (expected.evaluation.f_q, measured.evaluation.f_q);
+            reporter.note(&format!(
+                "{}: basis of {} samples: f_q {f:.4} ± {:.4}; check: {checked:.4} ± {:.4}",
+                look.task.job.target.name(),
+                now.samples(),
+                expected.error_bar(),
+                measured.error_bar()
+            ));
+            let allowed = expected.error_bar() + measured.error_bar();
+            if (f - checked).abs() <= allowed || !may_go_on || self.spent.rounds == MAX_REFOCUS {
+                agreed.push((look, measured));
+            } else {
+                self.open.push(look);
+            }
+        }
+        let is_interrupted = reporter.cancelled();
+        let finished = agreed
+            .into_par_iter()
+            .map(|(look, measured)| look.finish(measured, now, setup, is_interrupted))
+            .collect::<Result<Vec<_>, _>>()?;
+        finished.into_iter().for_each(|(index, f)| self.found[index] = Some(f));
+        self.disagree = !self.open.is_empty();
+        if self.disagree {
+            reporter.note("they disagree: rendering the basis anew around the lights found");
+        }
+        Ok(())
+    }
+}
+
+/// Searches the first basis for every look.
+fn begin_searches<'t, 'a>(
+    basis: &WorkingBasis,
+    tasks: &'t mut [Task<'a>],
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<Vec<LookSearch<'t, 'a>>, RunError> {
+    let clock = Instant::now();
+    let cancelled = || reporter.cancelled();
+    let seed = basis.seed() as u32;
+    let found = tasks
+        .par_iter()
+        .map(|task| {
+            let [whole, reduced] = evaluators(basis, setup, task);
+            let (mut trials, mut evaluations) =
+                search::search(&whole, &reduced, &task.starts, seed, &cancelled)?;
+            let mut line = None;
+            if setup.options.global {
+                let (start, n) = search::global(&reduced, &cancelled)?;
+                let polished = search::refine(&whole, &start, &cancelled)?;
+                evaluations += polished.evaluations.len() as u32;
+                let best = search::best(&trials)?.1;
+                line = Some(global_line(&polished, n, best));
+                let screened = polished.estimate.evaluation.f_q;
+                let leads = screened < best.estimate.evaluation.f_q;
+                trials.iter_mut().for_each(|trial| trial.leads &= !leads);
+                let (name, end) = ("global".into(), None);
+                trials.push(Trial { name, start, screened, end, polished: Some(polished), leads });
+            }
+            Ok((trials, evaluations, line))
+        })
+        .collect::<Result<Vec<_>, RunError>>()?;
+    let mut looks = Vec::new();
+    for (index, (task, (trials, evaluations, line))) in tasks.iter_mut().zip(found).enumerate() {
+        let look = task.job.target.name();
+        line.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+        let (start, best) = search::best(&trials)?;
+        reporter.note(&format!(
+            "{look}: searched from {} starts; best from \"{}\": f_q {:.4} ± {:.4}",
+            trials.len(),
+            start.name,
+            best.estimate.evaluation.f_q,
+            best.estimate.error_bar()
+        ));
+        task.dir.log_starts(trials.iter().map(|t| start_line(t, setup.variables)))?;
+        let mut look = LookSearch { index, task, best: best.clone(), evaluations, trials, searched: 0 };
+        look.log_time("search", clock)?;
+        looks.push(look);
+    }
+    Ok(looks)
+}
+
+/// What was found for every look: the more it lacks of the tolerance, the more samples are its, by a
+/// power of that. With 1/2 the sum of what they then lack is the least, with 1 the most that one lacks.
+fn foci(looks: &[LookSearch], now: &WorkingBasis, setup: Setup, power: f64) -> Vec<Focus> {
+    let focus = |look: &LookSearch| {
+        let precision = Precision::reported(setup.options.tolerance);
+        let share = precision.needed(&look.best.estimate).clamp(0.1, 10.0).powf(power);
+        now.focus(setup.lighting(&look.best.u), share)
+    };
+    looks.par_iter().map(focus).collect()
+}
+
+/// Renders what was found with samples that chose nothing: a share of those that found it, and
+/// more if an error needs them.
+fn check_all(
+    looks: &[LookSearch],
+    now: &WorkingBasis,
+    setup: Setup,
+    round: u32,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<Vec<JackknifeEstimate>, RunError> {
+    let objectives: Vec<_> = looks.iter().map(|look| &look.task.objective).collect();
+    let foci = foci(looks, now, setup, 1.0);
+    let seed = hash_words(&[seed_for(setup.options.seed, Purpose::Check), u64::from(round)]);
+    let wanted = ((f64::from(now.samples()) * CHECK_SHARE) as u32).max(LEAST_SAMPLES);
+    let spp = wanted.div_ceil(REPLICATES as u32).next_power_of_two() * REPLICATES as u32;
+    let checks = check::check(&foci, &objectives, setup, seed, spp, reporter)?;
+    *renders += checks.renders;
+    Ok(checks.estimates)
+}
+
+/// What a search over the whole box says of the starts.
+fn global_line(global: &Polished, evaluations: u32, best: &Polished) -> String {
+    let [found, best] = [global, best].map(|p| p.estimate.evaluation.f_q);
+    let verdict = if found < best { "better" } else { "no better" };
+    format!(
+        "{evaluations} evaluations over the whole box: f_q {found:.4} ± {:.4}, {verdict} than {best:.4} from the starts",
+        global.estimate.error_bar()
+    )
+}

@@ -1,0 +1,352 @@
+//! Paper mode: a fresh render per evaluation, forward differences with common
+//! random numbers, NLopt's bounded L-BFGS from one start.
+
+use std::{ops::ControlFlow, time::Instant};
+
+use serde_json::{Value, json};
+
+use super::{
+    Progress, Reporter, RunError,
+    look::Found,
+    observer::Unstoppable,
+    pictures::attribute,
+    precision::{MAX_SAMPLES, Precision},
+    render::{Budget, MeasuredPicture},
+    seeds::{Purpose, seed_for},
+    setup::{Setup, Stage, Task},
+};
+use crate::{
+    audit::picture,
+    film::Picture,
+    integrator::RenderError,
+    objective::{Evaluation, JackknifeEstimate, Smoothing},
+    optim::{self, Interrupt, OptimError, StopReason, difference},
+};
+
+/// One of the restarts.
+struct Restart {
+    /// Smoothing of the residuals.
+    delta: f64,
+    /// Share of the evaluations.
+    share: f64,
+    /// Largest component of the first trial step: NLopt tries x0 − ∇f, so f is
+    /// scaled to make that a sane step.
+    first_step: f64,
+}
+
+const RESTARTS: [Restart; 3] = [
+    Restart { delta: Smoothing::DELTA_FIRST, share: 0.5, first_step: 0.1 },
+    Restart { delta: 5e-3, share: 0.3, first_step: 0.02 },
+    Restart { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.005 },
+];
+/// Samples per pixel of the first renders, if nobody says how many.
+const FIRST_SAMPLES: u32 = 12;
+/// Replicates of an evaluation, from which its error is estimated.
+const REPLICATES: u32 = 4;
+/// Function values from which the noise is estimated, and their spacing.
+const NOISE_POINTS: usize = 7;
+const NOISE_SPACING: f64 = 1e-3;
+
+/// Replicates of a render whose f_q is reported: twice those of a working render.
+const REPORTED_REPLICATES: u32 = 8;
+/// Samples of a render whose f_q is reported, over those of a working render.
+const REPORTED_FACTOR: u32 = 4;
+/// Samples per pixel of the survey: the bounds and starts that follow from it need no more.
+const SURVEY_SPP: u32 = 64;
+
+/// A render of a stage with every light at radiance 1.
+pub(super) fn unit_picture(stage: &Stage, reporter: &impl Reporter) -> Result<Picture, RunError> {
+    let lighting = stage.fitted.lighting.at_unit_radiance();
+    let seed = seed_for(stage.options.seed, Purpose::Survey);
+    let budget = Budget { seed, spp: SURVEY_SPP, n_replicates: 1 };
+    let plan = stage.plan(&lighting);
+    Ok(stage.renderer().render(stage.view(), &lighting, &plan, budget, reporter)?.picture)
+}
+
+/// f_q where every search begins.
+pub(super) fn measure_start(
+    task: &Task,
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<JackknifeEstimate, RunError> {
+    let spp = setup.options.spp.unwrap_or(FIRST_SAMPLES);
+    let what = (Purpose::Initial, "measuring the start");
+    measure(task, setup, &setup.variables.start(), spp, what, reporter)
+}
+
+/// Takes a render whose f_q is reported.
+fn measure(
+    task: &Task,
+    setup: Setup,
+    u: &[f64],
+    spp: u32,
+    (purpose, stage): (Purpose, &str),
+    reporter: &impl Reporter,
+) -> Result<JackknifeEstimate, RunError> {
+    reporter.stage(stage, Some(u64::from(setup.options.work_size.y * REPORTED_REPLICATES)));
+    let lighting = setup.lighting(u);
+    let seed = seed_for(setup.options.seed, purpose);
+    let budget = Budget { seed, spp: REPORTED_FACTOR * spp, n_replicates: REPORTED_REPLICATES };
+    let (view, plan) = (setup.view(), setup.plan(&lighting));
+    let rendered = setup.renderer().render(view, &lighting, &plan, budget, &Unstoppable(reporter))?;
+    Ok(rendered.measure(&task.objective)?.estimate)
+}
+
+/// Finds the lights from the best of the task's starts, and checks them.
+pub(super) fn find(
+    task: &mut Task,
+    setup: Setup,
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<Found, RunError> {
+    reporter.stage("optimising", None);
+    let spp = setup.options.spp.unwrap_or(FIRST_SAMPLES);
+    let (step, evaluations, iterations, best) = (0.0, 0, 0, None);
+    let mut search =
+        DifferenceSearch { setup, task, renders, reporter, spp, step, evaluations, iterations, best };
+    let (u, stop) = search.descend()?;
+    let (spp, evaluations) = (search.spp, search.evaluations);
+    let what = (Purpose::Check, "checking the result with new samples");
+    let check = measure(task, setup, &u, spp, what, reporter)?;
+    *renders += 2;
+    Ok(Found { u, check, evaluations, stop, reach: Vec::new() })
+}
+
+/// A search by forward differences of fresh renders.
+struct DifferenceSearch<'s, 'a, R> {
+    setup: Setup<'s>,
+    task: &'s mut Task<'a>,
+    renders: &'s mut u64,
+    reporter: &'s R,
+    /// Samples per pixel of a render.
+    spp: u32,
+    /// Step of the differences, in the unit cube.
+    step: f64,
+    /// Evaluations with gradient so far.
+    evaluations: u32,
+    /// Improvements so far.
+    iterations: u32,
+    /// Best unsmoothed f_q and its point.
+    best: Option<(f64, Vec<f64>)>,
+}
+
+/// `None` for what an interrupt ended.
+fn unless_cancelled<T>(result: Result<T, RunError>) -> Result<Option<T>, RunError> {
+    match result {
+        Err(RunError::Render(RenderError::Cancelled)) => Ok(None),
+        other => other.map(Some),
+    }
+}
+
+impl<R: Reporter> DifferenceSearch<'_, '_, R> {
+    /// Descends from the best start in restarts of less and less smoothing; the best point and why
+    /// the last descent ended.
+    fn descend(&mut self) -> Result<(Vec<f64>, StopReason), RunError> {
+        let budget = self.setup.options.max_evaluations;
+        let start = self.choose()?;
+        let Some(step) = unless_cancelled(self.find_step(&start))? else {
+            return Ok((start, StopReason::Interrupted));
+        };
+        self.step = step;
+        let mut u = start.clone();
+        let mut stop = StopReason::NoProgress;
+        for (i, restart) in RESTARTS.into_iter().enumerate() {
+            let left = budget - self.evaluations;
+            if left == 0 {
+                break;
+            }
+            if unless_cancelled(self.find_samples(&u))?.is_none() {
+                stop = StopReason::Interrupted;
+                break;
+            }
+            let share = (f64::from(budget) * restart.share) as u32;
+            let allowed = if i + 1 == RESTARTS.len() { left } else { share.clamp(1, left) };
+            let Some(outcome) = unless_cancelled(self.descend_once(&u, &restart, allowed))? else {
+                stop = StopReason::Interrupted;
+                break;
+            };
+            (u, stop) = (outcome.x, outcome.stop);
+        }
+        let best = self.best.as_ref().map(|(_, u)| u.clone());
+        Ok((best.unwrap_or(start), stop))
+    }
+
+    /// One descent from `u` of at most `allowed` evaluations.
+    fn descend_once(
+        &mut self,
+        u: &[f64],
+        restart: &Restart,
+        allowed: u32,
+    ) -> Result<optim::Outcome, RunError> {
+        let n = u.len();
+        let smoothing = Smoothing::with_delta(restart.delta);
+        let first_step = restart.first_step;
+        let mut scale = None;
+        let mut failure = None;
+        let options = optim::Options {
+            max_evaluations: Some(allowed),
+            f_tol_abs: 1e-5,
+            x_tol_abs: 1e-4,
+            ..Default::default()
+        };
+        let result = optim::minimize(u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
+            match self.evaluate(u, &smoothing) {
+                Ok((f, slopes)) => {
+                    let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
+                    let c =
+                        *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
+                    for (g, s) in gradient.iter_mut().zip(slopes) {
+                        *g = c * s;
+                    }
+                    ControlFlow::Continue(c * f)
+                }
+                Err(e) => {
+                    failure = Some(e);
+                    ControlFlow::Break(Interrupt)
+                }
+            }
+        });
+        match failure {
+            Some(e) => Err(e),
+            None => result.map_err(|e: OptimError| e.into()),
+        }
+    }
+
+    /// A working render of a point.
+    fn render(&mut self, u: &[f64]) -> Result<MeasuredPicture, RunError> {
+        let setup = self.setup;
+        let lighting = setup.lighting(u);
+        *self.renders += 1;
+        let seed = seed_for(setup.options.seed, Purpose::Optimise);
+        let budget = Budget { seed, spp: self.spp, n_replicates: REPLICATES };
+        let plan = setup.plan(&lighting);
+        Ok(setup.renderer().render(setup.view(), &lighting, &plan, budget, self.reporter)?)
+    }
+
+    /// The start with the least f_q; after an interrupt, of those measured.
+    fn choose(&mut self) -> Result<Vec<f64>, RunError> {
+        let starts = self.task.starts.clone();
+        let mut best: Option<(f64, &(String, Vec<f64>))> = None;
+        for start in &starts {
+            let Some(rendered) = unless_cancelled(self.render(&start.1))? else { break };
+            let f_q = rendered.smoothed(&self.task.objective, &Smoothing::NONE);
+            self.task.dir.log_evaluation(&json!({
+                "start": start.0,
+                "x": self.setup.variables.named(&self.setup.variables.decode(&start.1)),
+                "f_q": f_q,
+                "renders": *self.renders,
+            }))?;
+            if best.is_none_or(|(least, _)| f_q < least) {
+                best = Some((f_q, start));
+            }
+        }
+        let Some((f_q, (name, u))) = best else {
+            // Interrupted before the first was measured.
+            return starts.first().map(|(_, u)| u.clone()).ok_or(OptimError::NoVariables.into());
+        };
+        self.reporter
+            .note(&format!("starting with {name}: f_q {f_q:.4}, the best of {} starts", starts.len()));
+        Ok(u.clone())
+    }
+
+    /// As many samples as the tolerance needs at a point, unless somebody said how many: f_q as the
+    /// renders have it, noise included, is what is minimised.
+    fn find_samples(&mut self, u: &[f64]) -> Result<(), RunError> {
+        let options = self.setup.options;
+        let precision = Precision::differences(options.tolerance);
+        while options.spp.is_none() && self.spp < MAX_SAMPLES {
+            let estimate = self.render(u)?.measure(&self.task.objective)?.estimate;
+            if precision.is_met_uncorrected(&estimate) {
+                break;
+            }
+            self.spp =
+                (self.spp + precision.more_uncorrected(self.spp, &estimate)).next_multiple_of(REPLICATES);
+            // What was measured with fewer samples does not compare.
+            self.best.iter_mut().for_each(|(f_q, _)| *f_q = f64::INFINITY);
+        }
+        self.reporter.note(&format!("{} samples a pixel for every render", self.spp));
+        Ok(())
+    }
+
+    /// The step of the differences, from the noise of f along the diagonal.
+    fn find_step(&mut self, start: &[f64]) -> Result<f64, RunError> {
+        let smoothing = Smoothing::with_delta(Smoothing::DELTA_FIRST);
+        let values = (0..NOISE_POINTS)
+            .map(|i| {
+                let along = NOISE_SPACING * i as f64;
+                let u: Vec<f64> =
+                    start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
+                Ok(self.render(&u)?.smoothed(&self.task.objective, &smoothing))
+            })
+            .collect::<Result<Vec<f64>, RunError>>()?;
+        let noise = difference::noise(&values);
+        let step = difference::step(noise);
+        self.reporter.note(&format!(
+            "noise of f_q under common random numbers {noise:.1e}, difference step {step:.4}"
+        ));
+        Ok(step)
+    }
+
+    /// Smoothed f_q with its gradient; logs the unsmoothed one.
+    fn evaluate(&mut self, u: &[f64], smoothing: &Smoothing) -> Result<(f64, Vec<f64>), RunError> {
+        let clock = Instant::now();
+        let rendered = self.render(u)?;
+        let measured = rendered.measure(&self.task.objective)?;
+        let f = rendered.smoothed(&self.task.objective, smoothing);
+        let step = self.step;
+        let slopes = difference::gradient(u, f, step, |u| {
+            let rendered = self.render(u)?;
+            Ok::<_, RunError>(rendered.smoothed(&self.task.objective, smoothing))
+        })?;
+        self.evaluations += 1;
+        let f_q = measured.plain.f_q;
+        let line = json!({
+            "evaluation": self.evaluations,
+            "x": self.setup.variables.named(&self.setup.variables.decode(u)),
+            "f_q": f_q,
+            "f_q_error": measured.estimate.error_bar(),
+            "f_q_corrected": measured.estimate.evaluation.f_q,
+            "terms": measured.plain.terms_json(),
+            "gradient_norm": slopes.iter().map(|g| g * g).sum::<f64>().sqrt(),
+            "smoothing": smoothing.delta,
+            "renders": *self.renders,
+        });
+        self.task.dir.log_evaluation(&line)?;
+        self.task.dir.log_timing(&json!({
+            "stage": "evaluation",
+            "evaluation": self.evaluations,
+            "seconds": clock.elapsed().as_secs_f64(),
+        }))?;
+        if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
+            self.record_iteration(u, line, &rendered, &measured.plain)?;
+            self.best = Some((f_q, u.to_vec()));
+        }
+        self.reporter.evaluated(&Progress {
+            evaluation: self.evaluations,
+            max_evaluations: self.setup.options.max_evaluations,
+            iterations: self.iterations,
+            f_q,
+            best: self.best.as_ref().map_or(f_q, |(best, _)| *best),
+            renders: *self.renders,
+        });
+        Ok((f, slopes))
+    }
+
+    /// Records an improvement with its picture.
+    fn record_iteration(
+        &mut self,
+        u: &[f64],
+        line: Value,
+        rendered: &MeasuredPicture,
+        plain: &Evaluation,
+    ) -> Result<(), RunError> {
+        let setup = self.setup;
+        let attribute = attribute(setup, &self.task.job.target, u, plain, self.spp);
+        let (names, exposure) = (setup.scene.light_names(), setup.fitted.lighting.exposure);
+        let luminance = setup.options.luminance;
+        let exr = picture::exr(&rendered.picture, setup.aovs, &names, exposure, luminance, attribute);
+        self.task.dir.log_iterations(&[(line, exr)])?;
+        self.iterations += 1;
+        Ok(())
+    }
+}

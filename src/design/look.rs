@@ -1,0 +1,276 @@
+//! The search for the lights of one look: what it needs next, and what becomes of it.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::{
+    RunError,
+    attainable::{self, Reach},
+    evaluator::Evaluator,
+    pictures::attribute,
+    precision::{AIMED_SAMPLES, LEAST_SAMPLES, MAX_SAMPLES, Precision},
+    search::{self, Polished, Trial},
+    setup::{Setup, Task},
+    working_basis::WorkingBasis,
+};
+use crate::{
+    audit::picture, film::exr::ExrImage, objective::JackknifeEstimate, optim::StopReason,
+    variables::ParamVector,
+};
+
+/// Times the basis is rendered anew around what was found.
+pub const MAX_REFOCUS: u32 = 4;
+/// Times that samples are added for the tolerance.
+const MAX_ADDITIONS: u32 = 6;
+
+/// What was found for one target.
+pub struct Found {
+    /// The point, in the unit cube.
+    pub u: Vec<f64>,
+    /// f_q there, from samples that chose nothing.
+    pub check: JackknifeEstimate,
+    /// Evaluations with gradient.
+    pub evaluations: u32,
+    /// Why the last search ended.
+    pub stop: StopReason,
+    /// What of each term the lights can reach.
+    pub reach: Vec<Reach>,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// Add so many samples to the first basis, aimed at the best point.
+    Aim(u32),
+    /// Render a finer basis around the best point, of so many samples.
+    Refocus(u32),
+    /// Add so many samples to the present one.
+    Add(u32),
+    /// Search the present basis once more, now that there are more samples.
+    Search,
+    /// Check the best point.
+    Check,
+}
+
+impl Step {
+    /// What serves all looks on a basis of `samples`: what one needs, the others take along.
+    pub fn for_all(steps: &[Self], samples: u32) -> Self {
+        let of = |step: &Self| match *step {
+            Self::Refocus(n) | Self::Aim(n) => n,
+            Self::Add(n) => samples + n,
+            Self::Search | Self::Check => 0,
+        };
+        let most = steps.iter().map(of).max().unwrap_or(0);
+        let any = |is: fn(&Self) -> bool| steps.iter().any(is);
+        if any(|step| matches!(step, Self::Refocus(_))) {
+            Self::Refocus(most)
+        } else if any(|step| matches!(step, Self::Aim(_))) {
+            Self::Aim(most)
+        } else if any(|step| matches!(step, Self::Add(_))) {
+            Self::Add(most - samples)
+        } else if any(|step| matches!(step, Self::Search)) {
+            Self::Search
+        } else {
+            Self::Check
+        }
+    }
+}
+
+/// What the bases have cost so far.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Spent {
+    /// Bases rendered around a point.
+    pub rounds: u32,
+    /// Times that samples were added.
+    pub additions: u32,
+}
+
+/// The search for the lights of one look.
+pub struct LookSearch<'t, 'a> {
+    /// Index of the look among those that are sought together.
+    pub index: usize,
+    /// The look, its objective and its record.
+    pub task: &'t mut Task<'a>,
+    /// The starts, and what was found from each.
+    pub trials: Vec<Trial>,
+    /// The best end so far.
+    pub best: Polished,
+    /// Evaluations of f_q with its gradient so far.
+    pub evaluations: u32,
+    /// Samples that the present basis had when all trials were last searched.
+    pub searched: u32,
+}
+
+impl LookSearch<'_, '_> {
+    /// Writes the seconds of a stage that began at `since` to the record.
+    pub fn log_time(&mut self, stage: &str, since: Instant) -> Result<(), RunError> {
+        self.task.dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
+        Ok(())
+    }
+
+    /// Whether so many samples have come that there may be something new far away; not many more
+    /// show nothing.
+    fn is_due(&self, now: &WorkingBasis) -> bool {
+        3 * now.samples() > 4 * self.searched
+    }
+
+    /// What this look needs next.
+    pub fn next_step(&self, now: &WorkingBasis, spent: Spent, setup: Setup, may_go_on: bool) -> Step {
+        let may_refocus = may_go_on && spent.rounds < MAX_REFOCUS;
+        let may_add = may_go_on && spent.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
+        let precision = Precision::choosing(setup.options.tolerance);
+        let missing = LEAST_SAMPLES.saturating_sub(now.samples());
+        let exact = missing == 0 && precision.is_met(&self.best.estimate);
+        if may_go_on && now.may_aim() {
+            Step::Aim(AIMED_SAMPLES)
+        } else if !exact && may_add {
+            Step::Add(precision.more(now.samples(), &self.best.estimate).max(missing))
+        } else if self.is_due(now) {
+            Step::Search
+        } else if exact || !may_refocus {
+            Step::Check
+        } else {
+            Step::Refocus(now.samples())
+        }
+    }
+
+    /// Goes on after a step.
+    pub fn advance(
+        &mut self,
+        step: Step,
+        now: &WorkingBasis,
+        setup: Setup,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<(), RunError> {
+        let whole = now.evaluator(setup, &self.task.objective);
+        match (step, self.is_due(now)) {
+            (Step::Check, _) | (Step::Search, false) => {}
+            (_, true) => {
+                self.evaluations += search::polish(&whole, &mut self.trials, &search::THOROUGH, cancelled)?;
+                self.searched = now.samples();
+                self.best = search::best(&self.trials)?.1.clone();
+            }
+            (_, false) => {
+                let refined = search::refine(&whole, &self.best.u, cancelled)?;
+                self.evaluations += refined.evaluations.len() as u32;
+                self.best = self.best.followed_by(&refined);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the record, and tells what the lights can reach.
+    pub fn finish(
+        mut self,
+        check: JackknifeEstimate,
+        now: &WorkingBasis,
+        setup: Setup,
+        is_interrupted: bool,
+    ) -> Result<(usize, Found), RunError> {
+        let clock = Instant::now();
+        record(now, &self.best, setup, self.task)?;
+        self.log_time("record", clock)?;
+        let clock = Instant::now();
+        let [whole, reduced] = evaluators(now, setup, self.task);
+        let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
+        self.log_time("attainability", clock)?;
+        let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
+        let stop = if is_interrupted { StopReason::Interrupted } else { stop };
+        Ok((index, Found { u, check, evaluations, stop, reach }))
+    }
+}
+
+/// Evaluators of a task's whole picture and, if possible, of a smaller one.
+pub fn evaluators<'e>(now: &'e WorkingBasis, setup: Setup<'e>, task: &'e Task) -> [Evaluator<'e>; 2] {
+    let whole = now.evaluator(setup, &task.objective);
+    let reduced = task.reduced.as_ref().map_or(whole, |objective| now.reduced(setup, objective));
+    [whole, reduced]
+}
+
+/// What the record says of a start and of what became of it.
+pub fn start_line(t: &Trial, variables: &ParamVector) -> Value {
+    json!({
+        "start": t.name,
+        "x": variables.named(&variables.decode(&t.start)),
+        "screened": t.screened,
+        "f_q": t.polished.as_ref().map(|p| p.estimate.evaluation.f_q),
+        "f_q_error": t.polished.as_ref().map(|p| p.estimate.error_bar()),
+        "found": t.polished.as_ref().map(|p| variables.named(&variables.decode(&p.u))),
+        "evaluations": t.polished.as_ref().map(|p| p.evaluations.len()),
+        "stop": t.polished.as_ref().map(|p| p.stop.to_string()),
+    })
+}
+
+/// Writes the evaluations that led to the result, and a picture of each improvement.
+fn record(basis: &WorkingBasis, best: &Polished, setup: Setup, task: &mut Task) -> Result<(), RunError> {
+    let (variables, options) = (setup.variables, setup.options);
+    let Task { job, objective, dir, .. } = task;
+    let target = &job.target;
+    let evaluator = basis.evaluator(setup, objective);
+    let points: Vec<&[f64]> = best.evaluations.iter().map(|(u, _, _)| u.as_slice()).collect();
+    let estimates = evaluator.estimates(&points, 1)?;
+    let names = setup.scene.light_names();
+    let lines: Vec<Value> = best
+        .evaluations
+        .iter()
+        .zip(&estimates)
+        .enumerate()
+        .map(|(i, ((u, f, slope), e))| {
+            json!({
+                "evaluation": i + 1,
+                "x": variables.named(&variables.decode(u)),
+                "f_q": e.evaluation.f_q,
+                "f_q_error": e.error_bar(),
+                "f_q_naive": e.naive,
+                "f_q_smoothed": f,
+                "terms": e.evaluation.terms_json(),
+                "gradient_norm": slope,
+            })
+        })
+        .collect();
+    let mut least = f64::INFINITY;
+    let mut improvements = Vec::new();
+    for (i, (line, e)) in lines.iter().zip(&estimates).enumerate() {
+        dir.log_evaluation(line)?;
+        if e.evaluation.f_q < least {
+            least = e.evaluation.f_q;
+            improvements.push(i);
+        }
+    }
+    let iterations: Vec<(Value, ExrImage)> = improvements
+        .into_par_iter()
+        .map(|i| {
+            let u = &best.evaluations[i].0;
+            let lighting = setup.lighting(u);
+            let picture = basis.picture(&lighting);
+            let exposure = lighting.exposure;
+            let display = options.luminance.encode_image(&picture.rgb, exposure);
+            let shown = objective.evaluate(&display);
+            let attribute = attribute(setup, target, u, &shown, basis.samples());
+            let mut line = lines[i].clone();
+            // Of the picture as it is, noise included: what `evaluate` finds in the file.
+            line["f_q_picture"] = shown.f_q.into();
+            (line, picture::exr(&picture, setup.aovs, &names, exposure, options.luminance, attribute))
+        })
+        .collect();
+    dir.log_iterations(&iterations)?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_share_the_step_that_serves_all() {
+        let next = |wishes: &[Step]| Step::for_all(wishes, 16);
+        assert_eq!(next(&[Step::Check, Step::Check]), Step::Check);
+        assert_eq!(next(&[Step::Check, Step::Search]), Step::Search);
+        assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));
+        assert_eq!(next(&[Step::Refocus(16), Step::Check]), Step::Refocus(16));
+        assert_eq!(next(&[Step::Refocus(16), Step::Add(8)]), Step::Refocus(24), "as many as it would have");
+        assert_eq!(next(&[Step::Aim(24), Step::Check]), Step::Aim(24));
+    }
+}

@@ -1,0 +1,129 @@
+//! A picture measured: replicates, their mean, and f_q with its error.
+
+use crate::{
+    film::{Picture, RgbFilm},
+    integrator::{Integrator, Observer, RenderError, Samples, View},
+    lighting::{Lighting, SamplingPlan},
+    math::display::{LuminanceMode, luminance},
+    objective::{
+        Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing,
+    },
+    sampler::SamplerKind,
+};
+
+/// How pictures are rendered and measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Renderer {
+    /// Light transport.
+    pub integrator: Integrator,
+    /// Family of sample sequences.
+    pub sampler: SamplerKind,
+    /// Measure of luminance.
+    pub luminance: LuminanceMode,
+}
+
+/// The samples of a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Budget {
+    /// Seed of the scrambles.
+    pub seed: u64,
+    /// Samples per pixel over all replicates.
+    pub spp: u32,
+    /// Number of replicates; each gets `spp / n_replicates` samples, at least one.
+    pub n_replicates: u32,
+}
+
+/// Independent replicates of one picture and their mean.
+#[derive(Debug)]
+pub struct MeasuredPicture {
+    /// Mean over the replicates.
+    pub picture: Picture,
+    /// Linear radiance per replicate and pixel.
+    replicates: Vec<Vec<[f32; 3]>>,
+    exposure: f64,
+    luminance: LuminanceMode,
+}
+
+/// f_q of a picture.
+#[derive(Clone, Debug)]
+pub struct Measurement {
+    /// f_q and terms of the mean picture as it is, noise included.
+    pub plain: Evaluation,
+    /// f_q and terms freed of noise bias, with their error.
+    pub estimate: JackknifeEstimate,
+}
+
+impl Renderer {
+    /// Renders replicates of the picture of a lighting from independent scrambles.
+    ///
+    /// # Errors
+    /// As [`Integrator::render`].
+    pub fn render(
+        &self,
+        view: View,
+        lighting: &Lighting,
+        plan: &SamplingPlan,
+        budget: Budget,
+        observer: &impl Observer,
+    ) -> Result<MeasuredPicture, RenderError> {
+        let count = (budget.spp / budget.n_replicates).max(1);
+        let samples = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count };
+        let pictures = (0..budget.n_replicates)
+            .map(|r| {
+                let mut film = RgbFilm::by_light(view.camera.size(), lighting);
+                let samples = samples.replicate(u64::from(r));
+                self.integrator.render(view, lighting, plan, &mut film, samples, observer)?;
+                Ok(film.develop(lighting, count))
+            })
+            .collect::<Result<Vec<Picture>, RenderError>>()?;
+        let images: Vec<&[[f32; 3]]> = pictures.iter().map(|p| p.rgb.as_slice()).collect();
+        let picture = Picture {
+            width: pictures[0].width,
+            height: pictures[0].height,
+            rgb: mean(&images),
+            lights: (0..lighting.n_lights())
+                .map(|l| mean(&pictures.iter().map(|p| p.lights[l].as_slice()).collect::<Vec<_>>()))
+                .collect(),
+        };
+        Ok(MeasuredPicture {
+            picture,
+            replicates: pictures.into_iter().map(|p| p.rgb).collect(),
+            exposure: lighting.exposure,
+            luminance: self.luminance,
+        })
+    }
+}
+
+/// Mean of the pictures.
+fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
+    let n = images.len() as f64;
+    (0..images[0].len())
+        .map(|p| std::array::from_fn(|c| (images.iter().map(|i| f64::from(i[p][c])).sum::<f64>() / n) as f32))
+        .collect()
+}
+
+impl MeasuredPicture {
+    /// Display luminance of the mean picture.
+    #[must_use]
+    pub fn display(&self) -> Vec<f64> {
+        self.luminance.encode_image(&self.picture.rgb, self.exposure)
+    }
+
+    /// f_q and terms of the mean picture, smoothed.
+    #[must_use]
+    pub fn smoothed(&self, objective: &Objective, smoothing: &Smoothing) -> f64 {
+        objective.evaluate_smooth(&self.display(), smoothing, None).f_q
+    }
+
+    /// f_q of the mean picture, plain and freed of noise bias.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    pub fn measure(&self, objective: &Objective) -> Result<Measurement, ObjectiveError> {
+        let linear = |rgb: &Vec<[f32; 3]>| rgb.iter().map(|&c| luminance(c)).collect();
+        let linear: Vec<Vec<f64>> = self.replicates.iter().map(linear).collect();
+        let Self { luminance, exposure, .. } = *self;
+        let estimate = Replicates { linear: &linear, luminance, exposure }.measure(objective, LABELLINGS)?;
+        Ok(Measurement { plain: objective.evaluate(&self.display()), estimate })
+    }
+}

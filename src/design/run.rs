@@ -1,0 +1,212 @@
+//! A whole run.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::{
+    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search, differences,
+    look::Found,
+    manifest, pictures,
+    setup::{Setup, Stage, Task},
+    working_basis::{BasisPlan, REDUCTION, WorkingBasis},
+};
+use crate::{
+    audit::RunDir,
+    integrator::{View, aov},
+    light::SizeDensity,
+    objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
+    variables::{Fitted, Survey},
+};
+
+/// Targets optimised together at most: each has its own part of the samples.
+pub(super) const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
+
+/// Runs the whole design of a scene and records it; a report per job.
+///
+/// # Errors
+/// When the scene cannot be optimised, rendered or recorded. What was recorded
+/// until then stays.
+pub fn run(
+    subject: Subject,
+    options: &RunOptions,
+    reporter: &impl Reporter,
+) -> Result<Vec<RunReport>, RunError> {
+    let start = Instant::now();
+    check_outputs(options)?;
+    let Subject { scene, wishes, .. } = subject;
+    let camera = scene.camera.resized(options.work_size);
+    let view = View { scene, camera: &camera };
+    let aovs = aov::trace(view, 1.0);
+    let objectives = options
+        .jobs
+        .iter()
+        .map(|job| Objective::new(&job.target, aovs.width, aovs.height, &aovs.mask))
+        .collect::<Result<Vec<_>, _>>()?;
+
+    reporter.stage("survey", Some(u64::from(options.work_size.y)));
+    let (content, fitted) =
+        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, wishes));
+    let fitted = fitted?;
+    fitted.notes.iter().for_each(|n| reporter.note(n));
+    let stage = Stage { scene, camera: &camera, fitted: &fitted, wishes, aovs: &aovs, options };
+    let mut basis = match options.gradient {
+        Gradient::Fd => None,
+        Gradient::Basis => {
+            let plan = BasisPlan::new(&stage, reporter)?;
+            Some(WorkingBasis::new(plan, &stage, reporter)?)
+        }
+    };
+    let unit = match &basis {
+        None => differences::unit_picture(&stage, reporter)?,
+        Some(basis) => basis.unit_picture(),
+    };
+    let survey = Survey::new(scene, &fitted, wishes, &options.free, options.luminance, &unit);
+    let variables = survey.variables()?;
+    let setup = Setup { stage, variables: &variables };
+    let record = Record { subject, content: &content, surveyed: start.elapsed() };
+
+    let mut reports = Reports { start, renders: 1, done: Vec::new() };
+    let jobs: Vec<(&Job, &Objective)> = options.jobs.iter().zip(&objectives).collect();
+    let together = if basis.is_some() { MAX_TOGETHER } else { 1 };
+    for jobs in jobs.chunks(together) {
+        let begun = jobs.par_iter().map(|&(job, objective)| begin(job, objective, &record, &survey, setup));
+        let tasks = begun.collect::<Result<Vec<_>, _>>()?;
+        find_together(tasks, setup, basis.as_mut(), &mut reports, reporter)?;
+        if reporter.cancelled() {
+            break;
+        }
+    }
+    if let Some(basis) = &basis {
+        basis.store(setup)?;
+    }
+    Ok(reports.done)
+}
+
+/// Proves that the run may be recorded where it is asked to.
+fn check_outputs(options: &RunOptions) -> Result<(), RunError> {
+    for job in &options.jobs {
+        RunDir::check(&job.out, options.force)?;
+    }
+    if let Some(path) = &options.cache {
+        std::fs::create_dir_all(path).map_err(|source| RunError::Cache { path: path.clone(), source })?;
+    }
+    Ok(())
+}
+
+/// What the manifest of every look says of the run.
+struct Record<'a> {
+    subject: Subject<'a>,
+    /// Hash of the scene's files.
+    content: &'a str,
+    /// Time that the survey took.
+    surveyed: Duration,
+}
+
+/// Opens a job's record and finds out where its search may begin.
+fn begin<'a>(
+    job: &'a Job,
+    objective: &Objective,
+    record: &Record,
+    survey: &Survey,
+    setup: Setup,
+) -> Result<Task<'a>, RunError> {
+    let source = (record.subject.path, record.content);
+    let manifest = manifest::text(setup, source, &job.target)?;
+    let mut dir = RunDir::create(&job.out, setup.options.force, &manifest)?;
+    dir.log_timing(&json!({"stage": "survey", "seconds": record.surveyed.as_secs_f64()}))?;
+    let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
+    let starts = survey.starts(&setup.aovs.mask, setup.variables, means);
+    let reduced = setup.reduced_objective(&job.target, REDUCTION);
+    Ok(Task { job, objective: objective.clone(), reduced, starts, dir })
+}
+
+/// The reports so far.
+struct Reports {
+    /// When the run began.
+    start: Instant,
+    /// Renders so far, all sizes.
+    renders: u64,
+    done: Vec<RunReport>,
+}
+
+/// Finds the lights of some looks, from one basis or one after the other in paper mode, and renders
+/// them at full size.
+fn find_together(
+    mut tasks: Vec<Task>,
+    setup: Setup,
+    basis: Option<&mut WorkingBasis>,
+    reports: &mut Reports,
+    reporter: &impl Reporter,
+) -> Result<(), RunError> {
+    let clock = Instant::now();
+    let initials = measure_starts(&tasks, setup, basis.as_deref(), reporter)?;
+    for (task, initial) in tasks.iter().zip(&initials) {
+        let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
+        reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", task.job.target.name()));
+    }
+    let found = match basis {
+        Some(basis) => basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?,
+        None => tasks
+            .iter_mut()
+            .map(|task| differences::find(task, setup, &mut reports.renders, reporter))
+            .collect::<Result<_, _>>()?,
+    };
+    let seconds = clock.elapsed().as_secs_f64();
+    for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
+        finish(task, found, initial, seconds, setup, reports, reporter)?;
+    }
+    Ok(())
+}
+
+/// f_q where every search begins, by the basis or from a render of its own.
+fn measure_starts(
+    tasks: &[Task],
+    setup: Setup,
+    basis: Option<&WorkingBasis>,
+    reporter: &impl Reporter,
+) -> Result<Vec<JackknifeEstimate>, RunError> {
+    let Some(basis) = basis else {
+        return tasks.iter().map(|task| differences::measure_start(task, setup, reporter)).collect();
+    };
+    let start = setup.variables.start();
+    let measure = |task: &Task| basis.evaluator(setup, &task.objective).estimate(&start, LABELLINGS);
+    Ok(tasks.par_iter().map(measure).collect::<Result<_, _>>()?)
+}
+
+/// Renders what was found at full size and reports it.
+fn finish(
+    mut task: Task,
+    found: Found,
+    initial: JackknifeEstimate,
+    seconds: f64,
+    setup: Setup,
+    reports: &mut Reports,
+    reporter: &impl Reporter,
+) -> Result<(), RunError> {
+    let Found { u, check, evaluations, stop, reach } = found;
+    let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
+    reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
+    let caution = attainable::degenerate(&check.evaluation, setup.variables, &x);
+    caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+    task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
+    let last = pictures::take(&task, &u, setup, reporter)?;
+    reports.renders += 2;
+    let seconds = reports.start.elapsed().as_secs_f64();
+    task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+    reports.done.push(RunReport {
+        initial,
+        check,
+        last,
+        variables: setup.variables.clone(),
+        x,
+        renders: reports.renders,
+        evaluations,
+        stop,
+        reach,
+        caution,
+        seconds,
+    });
+    Ok(())
+}

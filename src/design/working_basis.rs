@@ -1,0 +1,445 @@
+//! The transport basis of a run: planned, rendered and stored for optimisation.
+
+use std::{path::PathBuf, sync::OnceLock};
+
+use super::{
+    Reporter, RunError,
+    evaluator::Evaluator,
+    observer::Unstoppable,
+    run::MAX_TOGETHER,
+    seeds::{Purpose, seed_for},
+    setup::{Setup, Stage},
+};
+use crate::{
+    audit::stored::About,
+    film::Picture,
+    integrator::RenderError,
+    light::{LightSampler, SizeDensity},
+    lighting::{Lighting, SamplingPlan},
+    math::hash::{hash_bytes, hash_words},
+    objective::Objective,
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    variables::{BasisRanges, VariableKind},
+};
+
+/// Replicates of a basis and of a check, from which errors are estimated: the fewest from which a
+/// standard error can be told, since every table is kept once a replicate.
+pub const REPLICATES: usize = 4;
+/// Replicates that [`TransportBasis::halves`] leaves.
+const HALVES: usize = 2;
+/// Samples per pixel of the first basis, which tells where to look, if nobody says how many. Fewer
+/// leave too little to aim by; more cost time that aimed samples use better (12 gave high-key f_q
+/// .1356 on the fruit basket, 8 gave .1359, a third faster).
+const FIRST_SAMPLES: u32 = 8;
+/// Knots of a light's size: 14 give the same optima as 24 on the fruit basket in half the memory.
+const KNOTS: usize = 14;
+/// Knots of a basis that is kept, of which nobody knows what will be asked.
+const KEPT_KNOTS: usize = 24;
+/// Fewest knots that the memory allowed may leave; with fewer a size is blurred by more than a
+/// photographer's choice of light.
+const MIN_KNOTS: usize = 8;
+/// Knots of a basis around what was found: half of them for the whole range, and as many for
+/// what lies within [`FOCUS`] of a size found.
+const FOCUS_KNOTS: usize = 16;
+/// Relative distance from a size found within which knots and samples are dense: a search that goes
+/// on from there seldom moves a size by more than a third.
+const FOCUS: f64 = 0.35;
+/// Weight with which a light that contributes nothing is chosen, beside 1 of all of them: it may
+/// contribute to what the search finds next.
+const FAINT_LIGHT: f64 = 0.05;
+/// Share of a light's samples that must lie within a size for which lights are sought. Below it most
+/// pixels know nothing of the light and no jackknife shows it (fruit bowl, low-key: 13 of 8 runs'
+/// checks disagreed without it, 3 with it).
+const WITHIN: f32 = 0.1;
+/// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile: an
+/// interrupt then leaves a whole basis.
+const UNINTERRUPTED: u32 = 8;
+/// The picture on which starts are screened is smaller by this factor: 256 starts then cost as much
+/// as 16 on the whole picture.
+pub const REDUCTION: u32 = 4;
+
+/// What a basis of a scene leaves open.
+#[derive(Clone, Debug)]
+pub struct BasisPlan {
+    /// What varies.
+    ranges: BasisRanges,
+    /// Knots per free size.
+    knots: usize,
+    /// The lighting of what does not vary.
+    fixed: Lighting,
+}
+
+/// A lighting around which samples and knots of a basis are dense.
+#[derive(Clone, Debug)]
+pub struct Focus {
+    /// The lighting.
+    pub lighting: Lighting,
+    /// Weights per light with which it is chosen for this lighting.
+    pub weights: Vec<f32>,
+}
+
+impl Focus {
+    /// Weights per light with which it is chosen for all of `foci`.
+    pub fn light_weights(foci: &[Self]) -> Vec<f32> {
+        let n = foci.first().map_or(0, |focus| focus.weights.len());
+        (0..n).map(|l| foci.iter().map(|focus| focus.weights[l]).sum()).collect()
+    }
+
+    /// The sizes of a light in all of `foci`, each with its weight.
+    pub fn sizes(foci: &[Self], light: usize) -> Vec<(f32, f32)> {
+        foci.iter().map(|focus| (focus.lighting.size[light] as f32, focus.weights[light])).collect()
+    }
+}
+
+/// A basis and what it is made of.
+pub struct WorkingBasis {
+    plan: BasisPlan,
+    basis: TransportBasis,
+    /// Its samples in fewer replicates, see [`TransportBasis::halves`].
+    halves: OnceLock<TransportBasis>,
+    /// The halves of a smaller picture.
+    reduced: OnceLock<TransportBasis>,
+    /// The lightings that its samples are aimed at.
+    foci: Option<Vec<Focus>>,
+    /// Numbers of samples so far with the distributions of sizes per light that they came from.
+    sampled: Vec<(f32, Vec<SizeDensity>)>,
+    /// Least size per light within which enough samples lie.
+    least_sizes: Vec<f64>,
+    /// Seed of the samples that follow.
+    seed: u64,
+    /// File where it is stored, and how many samples that holds.
+    stored: Option<(PathBuf, u32)>,
+}
+
+impl BasisPlan {
+    /// Plans a basis of a stage within the memory allowed.
+    ///
+    /// # Errors
+    /// When even the fewest knots need more memory than allowed.
+    pub fn new(stage: &Stage, reporter: &impl Reporter) -> Result<Self, RunError> {
+        let options = stage.options;
+        let mut ranges = BasisRanges { sizes: vec![None; stage.scene.lights.len()], largest_value: None };
+        for kind in VariableKind::all().filter(|kind| options.free.contains(kind.keyword())) {
+            kind.open(stage.fitted, stage.wishes, &mut ranges);
+        }
+        let knots = if options.cache.is_some() { KEPT_KNOTS } else { KNOTS };
+        let mut plan = Self { ranges, knots, fixed: stage.fitted.lighting.clone() };
+        // A basis around what is found lies beside the first.
+        let need = |plan: &Self| {
+            let layouts = [plan.layout(stage, None), plan.focused_layout(stage)];
+            layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>()
+        };
+        let wanted = plan.knots;
+        while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
+            plan.knots = (plan.knots - 4).max(MIN_KNOTS);
+        }
+        let bytes = need(&plan);
+        if bytes > options.memory {
+            return Err(RunError::Memory { needed: bytes >> 20, allowed: options.memory >> 20 });
+        }
+        let layout = plan.layout(stage, None);
+        let reduced = if plan.knots < wanted { ", fewer to fit the memory allowed" } else { "" };
+        reporter.note(&format!(
+            "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
+             nodes, {REPLICATES} replicates, {} MiB with a finer one, should it be needed",
+            layout.size.x,
+            layout.size.y,
+            layout.n_cells(),
+            plan.knots,
+            layout.nodes.len(),
+            bytes >> 20,
+        ));
+        Ok(plan)
+    }
+
+    /// The layout of a basis around different lights for as many looks as there may be at once.
+    fn focused_layout(&self, stage: &Stage) -> Layout {
+        let n = stage.options.jobs.len().clamp(1, MAX_TOGETHER);
+        let at = |i: usize, [lo, hi]: [f32; 2]| f64::from(lo * (hi / lo).powf((i as f32 + 0.5) / n as f32));
+        let focus = |i: usize| {
+            let size =
+                self.ranges.sizes.iter().map(|range| range.map_or(0.0, |range| at(i, range))).collect();
+            Focus { lighting: Lighting { size, ..self.fixed.clone() }, weights: Vec::new() }
+        };
+        self.layout(stage, Some(&(0..n).map(focus).collect::<Vec<_>>()))
+    }
+
+    /// The layout, with knots around the sizes of `foci` if given.
+    fn layout(&self, stage: &Stage, foci: Option<&[Focus]>) -> Layout {
+        let bins = self.ranges.sizes.iter().enumerate().map(|(l, range)| match (range, foci) {
+            (None, _) => SizeBins::Fixed(self.fixed.size[l] as f32),
+            (Some([lo, hi]), None) => {
+                SizeBins::Free(Knots::geometric(f64::from(*lo), f64::from(*hi), self.knots))
+            }
+            (Some([lo, hi]), Some(foci)) => SizeBins::Free(Knots::around(
+                f64::from(*lo),
+                f64::from(*hi),
+                &foci.iter().map(|focus| focus.lighting.size[l]).collect::<Vec<_>>(),
+                FOCUS,
+                self.knots.min(FOCUS_KNOTS),
+            )),
+        });
+        let nodes = match self.ranges.largest_value {
+            None => ValueNodes::new(self.fixed.value, 1),
+            Some(v) => ValueNodes::new(f64::from(v), stage.options.integrator.max_depth),
+        };
+        Layout::new(stage.options.work_size, bins.collect(), nodes)
+    }
+
+    /// The plan that samples every size and the largest value, most of all what is in `foci`.
+    fn sampling(&self, stage: &Stage, foci: Option<&[Focus]>) -> SamplingPlan {
+        let mut plan = stage.plan(&self.fixed);
+        if let Some(foci) = foci {
+            plan.lights = LightSampler::new(&Focus::light_weights(foci));
+        }
+        for (l, (q, range)) in plan.sizes.iter_mut().zip(&self.ranges.sizes).enumerate() {
+            let Some(range) = *range else { continue };
+            *q = match foci {
+                None => SizeDensity::any_size(range),
+                Some(foci) => {
+                    let likely =
+                        Focus::sizes(foci, l).into_iter().map(|(s, w)| (s * (1.0 + FOCUS as f32), w));
+                    SizeDensity::focused(range, &likely.collect::<Vec<_>>())
+                }
+            };
+        }
+        if let Some(v) = self.ranges.largest_value {
+            plan.largest_value = v;
+        }
+        plan
+    }
+
+    /// Name of the file that keeps a basis: different where anything differs that its tables depend on.
+    fn file_name(&self, stage: &Stage, layout: &Layout, seed: u64) -> String {
+        let (renderer, plan) = (stage.renderer(), self.sampling(stage, None));
+        let words = format!(
+            "{layout:?} {plan:?} {:?} {:?} {:?} {seed} {REPLICATES} {}",
+            stage.camera,
+            renderer.integrator,
+            renderer.sampler,
+            env!("LIGHTOPT_COMMIT")
+        );
+        let key = hash_words(&[stage.scene.fingerprint(), hash_bytes(words.bytes())]);
+        format!("{}-{key:016x}.basis", stage.scene.name)
+    }
+}
+
+impl WorkingBasis {
+    /// Renders the first samples of a basis, or takes one that was kept.
+    ///
+    /// # Errors
+    /// As [`TransportBasis::render`].
+    pub fn new(plan: BasisPlan, stage: &Stage, reporter: &impl Reporter) -> Result<Self, RunError> {
+        let layout = plan.layout(stage, None);
+        let seed = seed_for(stage.options.seed, Purpose::Optimise);
+        let cache = stage.options.cache.as_ref();
+        let path = cache.map(|directory| directory.join(plan.file_name(stage, &layout, seed)));
+        let kept = path.as_ref().filter(|path| path.exists()).and_then(|path| {
+            match TransportBasis::load(path) {
+                Ok((basis, _)) if *basis.layout() == layout && basis.n_replicates() == REPLICATES => {
+                    let n = basis.n_samples() * REPLICATES as u32;
+                    reporter
+                        .note(&format!("using {}: {n} samples a pixel, nothing to render", path.display()));
+                    Some(basis)
+                }
+                Ok(_) => None,
+                // It is written anew.
+                Err(e) => {
+                    reporter.note(&format!("{e}; rendering it again"));
+                    None
+                }
+            }
+        });
+        let is_kept = kept.is_some();
+        let basis = kept.unwrap_or_else(|| TransportBasis::new(layout, REPLICATES));
+        let stored = path.map(|path| (path, basis.n_samples()));
+        let mut working = Self { stored, ..Self::with(plan, basis, None, seed) };
+        if is_kept {
+            working.derive();
+        } else {
+            working.add(stage.options.spp.unwrap_or(FIRST_SAMPLES), stage, reporter)?;
+        }
+        Ok(working)
+    }
+
+    /// A basis whose samples that follow come from `seed`, aimed at `foci`.
+    fn with(plan: BasisPlan, basis: TransportBasis, foci: Option<Vec<Focus>>, seed: u64) -> Self {
+        Self {
+            plan,
+            basis,
+            halves: OnceLock::new(),
+            reduced: OnceLock::new(),
+            foci,
+            sampled: Vec::new(),
+            least_sizes: Vec::new(),
+            seed,
+            stored: None,
+        }
+    }
+
+    /// Stores the basis, if there is a cache and more in it than there was.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn store(&self, setup: Setup) -> Result<(), RunError> {
+        let Some((path, samples)) = &self.stored else { return Ok(()) };
+        if *samples == self.basis.n_samples() {
+            return Ok(());
+        }
+        let about =
+            About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance);
+        let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
+        self.basis.save(path, &about)?;
+        Ok(())
+    }
+
+    /// Adds samples: `spp` per pixel over all replicates. An interrupt leaves a whole
+    /// basis of fewer samples.
+    ///
+    /// # Errors
+    /// When a render fails, or was interrupted before there were any samples.
+    pub fn add(&mut self, spp: u32, stage: &Stage, reporter: &impl Reporter) -> Result<(), RunError> {
+        let replicates = self.basis.n_replicates() as u32;
+        let mut left = spp.div_ceil(replicates).max(1);
+        let renders = left.div_ceil(UNINTERRUPTED) * replicates;
+        let rows = u64::from(stage.options.work_size.y * renders);
+        reporter.stage("rendering the transport basis", Some(rows));
+        let plan = self.plan.sampling(stage, self.foci.as_deref());
+        let renderer = stage.renderer();
+        self.halves.take();
+        self.reduced.take();
+        let source = Source {
+            view: stage.view(),
+            plan: &plan,
+            integrator: &renderer.integrator,
+            sampler: renderer.sampler,
+            seed: self.seed,
+        };
+        while left > 0 {
+            if reporter.cancelled() {
+                if self.basis.n_samples() == 0 {
+                    return Err(RenderError::Cancelled.into());
+                }
+                break;
+            }
+            let count = left.min(UNINTERRUPTED);
+            self.basis.render(source, count, &Unstoppable(reporter))?;
+            left -= count;
+            self.sampled.push(((count * replicates) as f32, plan.sizes.clone()));
+        }
+        self.least_sizes = (0..plan.sizes.len()).map(|l| self.least_size(l)).collect();
+        self.derive();
+        Ok(())
+    }
+
+    /// The size within which [`WITHIN`] of the samples of a light lie, not below its range.
+    fn least_size(&self, light: usize) -> f64 {
+        let Some([mut below, mut above]) = self.plan.ranges.sizes[light] else { return 0.0 };
+        let all: f32 = self.sampled.iter().map(|(samples, _)| samples).sum();
+        let within = |size: f32| {
+            let of = self.sampled.iter().map(|(samples, of)| samples * of[light].below(size));
+            of.sum::<f32>() >= WITHIN * all
+        };
+        if within(below) {
+            return f64::from(below);
+        }
+        while above > below * 1.001 {
+            let middle = (below * above).sqrt();
+            if within(middle) { above = middle } else { below = middle }
+        }
+        f64::from(above)
+    }
+
+    /// Makes what evaluations need of the basis: before any of them, since all threads would
+    /// wait for the one that came first.
+    fn derive(&self) {
+        self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));
+    }
+
+    /// Samples per pixel of all replicates.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        self.basis.effective_samples()
+    }
+
+    /// The picture with every light at radiance 1, its present size, and the
+    /// background as it is.
+    #[must_use]
+    pub fn unit_picture(&self) -> Picture {
+        self.basis.picture(&self.plan.fixed.at_unit_radiance())
+    }
+
+    /// A lighting at which samples are aimed, in proportion to `share`.
+    #[must_use]
+    pub fn focus(&self, lighting: Lighting, share: f64) -> Focus {
+        let weights: Vec<f64> =
+            self.halves().shares(&lighting).iter().map(|s| FAINT_LIGHT + s.sqrt()).collect();
+        let scale = share / weights.iter().sum::<f64>();
+        Focus { lighting, weights: weights.into_iter().map(|w| (w * scale) as f32).collect() }
+    }
+
+    /// An empty basis around what was found for some looks.
+    #[must_use]
+    pub fn around(&self, foci: Vec<Focus>, round: u32, stage: &Stage) -> Self {
+        let basis = TransportBasis::new(self.plan.layout(stage, Some(&foci)), REPLICATES);
+        let seed = hash_words(&[self.seed, u64::from(round) + 1]);
+        Self::with(self.plan.clone(), basis, Some(foci), seed)
+    }
+
+    /// Aims the samples that follow at what was found for some looks, and lets those so far count
+    /// less. The knots stay, so that a search may still look everywhere.
+    pub fn aim_at(&mut self, foci: Vec<Focus>) {
+        self.basis.fade();
+        self.sampled.iter_mut().for_each(|(samples, _)| *samples *= 0.5);
+        self.seed = hash_words(&[self.seed, 0]);
+        self.foci = Some(foci);
+    }
+
+    /// Lets samples be aimed anew: other looks are sought.
+    pub fn release(&mut self) {
+        self.foci = None;
+    }
+
+    /// Whether samples are to be aimed yet. A basis to be kept serves other looks too.
+    #[must_use]
+    pub fn may_aim(&self) -> bool {
+        self.foci.is_none() && self.stored.is_none()
+    }
+
+    fn halves(&self) -> &TransportBasis {
+        self.halves.get_or_init(|| self.basis.halves())
+    }
+
+    /// The seed of its samples.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The picture of a lighting.
+    #[must_use]
+    pub fn picture(&self, x: &Lighting) -> Picture {
+        self.basis.picture(x)
+    }
+
+    /// f_q as a function of the variables.
+    #[must_use]
+    pub fn evaluator<'a>(&'a self, setup: Setup<'a>, objective: &'a Objective) -> Evaluator<'a> {
+        Evaluator {
+            basis: &self.basis,
+            halves: self.halves(),
+            objective,
+            variables: setup.variables,
+            fixed: &self.plan.fixed,
+            luminance: setup.options.luminance,
+            least_sizes: &self.least_sizes,
+        }
+    }
+
+    /// As [`Self::evaluator`], of the smaller picture.
+    #[must_use]
+    pub fn reduced<'a>(&'a self, setup: Setup<'a>, objective: &'a Objective) -> Evaluator<'a> {
+        let basis = self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));
+        Evaluator { basis, halves: basis, ..self.evaluator(setup, objective) }
+    }
+}

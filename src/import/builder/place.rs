@@ -1,0 +1,89 @@
+//! Where geometry is: units and axes of an OBJ, and the backdrop.
+
+use glam::Vec3;
+
+use super::Builder;
+use crate::{
+    import::{
+        axes::place,
+        backdrop::{self, Sweep},
+        error::ImportError,
+        imported::{Imported, Part},
+        sidecar::{BackdropSpec, Sidecar},
+    },
+    math::Rgb,
+    scene::material::MaterialParams,
+};
+
+impl Builder<'_> {
+    /// Brings an OBJ to metres, y up.
+    pub(super) fn place(&self, sidecar: &Sidecar, imported: &mut Imported) -> Result<(), ImportError> {
+        let given = [("scale", sidecar.scale.is_some()), ("up_axis", sidecar.up_axis.is_some())];
+        if let (false, Some((key, _))) = (self.is_obj, given.iter().find(|(_, given)| *given)) {
+            return Err(self.error(*key, "only for an OBJ: a glTF is in metres, y up"));
+        }
+        let scale = self.positive("scale", sidecar.scale.unwrap_or(1.0))?;
+        let n_lost = place(&mut imported.mesh, scale, sidecar.up_axis.unwrap_or_default());
+        if imported.mesh.indices.is_empty() {
+            let message = format!("no triangle is left of those that are {scale} as large");
+            return Err(self.error("scale", message));
+        }
+        if n_lost > 0 {
+            let file = self.scene_path.display();
+            let are = if n_lost == 1 { "triangle is" } else { "triangles are" };
+            imported.warnings.push(format!("{file}: left out: {n_lost} {are} degenerate at this `scale`"));
+        }
+        Ok(())
+    }
+
+    /// Adds the backdrop with its part and its material.
+    pub(super) fn add_backdrop(
+        &self,
+        spec: &BackdropSpec,
+        imported: &mut Imported,
+    ) -> Result<(), ImportError> {
+        let sweep = self.sweep(spec)?;
+        let base_color = Rgb::from_array(spec.base_color);
+        if !(base_color.min_element() >= 0.0 && base_color.max_element() <= 1.0) {
+            let message = format!("channels must be in [0, 1], got {:?}", spec.base_color);
+            return Err(self.error("backdrop.base_color", message));
+        }
+        let is_used = |name: &str| imported.materials.iter().any(|(n, _)| n == name);
+        let mut name = backdrop::NAME.to_owned();
+        while is_used(&name) {
+            name.push('_');
+        }
+        let material = imported.materials.len() as u32;
+        imported.materials.push((name, MaterialParams { base_color, ..MaterialParams::default() }));
+        let object = imported.parts.len() as u32;
+        imported.parts.push(Part { object: Some(backdrop::NAME.into()), groups: Vec::new() });
+        sweep.append(&mut imported.mesh, material, object);
+        Ok(())
+    }
+
+    fn sweep(&self, spec: &BackdropSpec) -> Result<Sweep, ImportError> {
+        self.finite("backdrop.position", spec.position)?;
+        if !spec.turn.is_finite() {
+            return Err(self.error("backdrop.turn", format!("must be finite, got {}", spec.turn)));
+        }
+        let [front, back, width, height] = [
+            ("backdrop.front", spec.front),
+            ("backdrop.back", spec.back),
+            ("backdrop.width", spec.width),
+            ("backdrop.height", spec.height),
+        ]
+        .map(|(key, value)| {
+            self.finite(key, [value; 3])?;
+            self.positive(key, value)
+        });
+        let (front, back, width, height) = (front?, back?, width?, height?);
+        let largest = back.min(height);
+        let radius = spec.radius.unwrap_or(0.5 * largest);
+        if !(radius > 0.0 && radius <= largest) {
+            let message = format!("must be > 0 and at most `back` and `height`, got {radius}");
+            return Err(self.error("backdrop.radius", message));
+        }
+        let position = Vec3::from_array(spec.position);
+        Ok(Sweep { position, turn: spec.turn.to_radians(), front, back, width, height, radius })
+    }
+}

@@ -1,0 +1,104 @@
+//! What the sidecar selects by name or place.
+
+use glam::Vec3;
+
+use super::Builder;
+use crate::import::{
+    error::ImportError,
+    imported::{Imported, Part},
+    sidecar::{Selection, Sidecar},
+};
+
+/// The pattern of all that a file holds, named or not.
+const ALL: &str = "*";
+
+impl Builder<'_> {
+    /// Indices of the names that a pattern (a name, or a beginning and `*`) matches.
+    pub(super) fn matches<'n>(
+        &self,
+        key: &str,
+        pattern: &str,
+        names: impl Iterator<Item = &'n str> + Clone,
+    ) -> Result<Vec<usize>, ImportError> {
+        let is_match = |n: &str| match pattern.strip_suffix('*') {
+            Some(start) => n.starts_with(start),
+            None => n == pattern,
+        };
+        let found: Vec<usize> =
+            names.clone().enumerate().filter(|(_, n)| is_match(n)).map(|(i, _)| i).collect();
+        if found.is_empty() { Err(self.unknown_name(key, pattern, names)) } else { Ok(found) }
+    }
+
+    /// Which triangles of the scene file belong to the main object.
+    pub(super) fn main_object(
+        &self,
+        sidecar: &Sidecar,
+        imported: &mut Imported,
+    ) -> Result<Vec<bool>, ImportError> {
+        if let Some(selection) = &sidecar.main_object {
+            return self.select_main("main_object.objects", selection, imported);
+        }
+        let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
+        let file = self.toml_path.display();
+        imported.warnings.push(format!("{file} {reason}: everything is the main object"));
+        Ok(vec![true; imported.mesh.indices.len()])
+    }
+
+    /// Which triangles a selection names; `key` is where its objects were given.
+    pub(super) fn select_main(
+        &self,
+        key: &str,
+        selection: &Selection,
+        imported: &Imported,
+    ) -> Result<Vec<bool>, ImportError> {
+        let Imported { mesh, parts, materials, .. } = imported;
+        let mut names: Vec<&str> = parts.iter().flat_map(Part::names).collect();
+        names.sort_unstable();
+        names.dedup();
+        let mut main_object = vec![false; parts.len()];
+        let mut main_material = vec![false; materials.len()];
+        for pattern in &selection.objects {
+            if pattern == ALL {
+                main_object.fill(true);
+                continue;
+            }
+            for i in self.matches(key, pattern, names.iter().copied())? {
+                for (is_main, part) in main_object.iter_mut().zip(parts) {
+                    *is_main |= part.names().any(|n| n == names[i]);
+                }
+            }
+        }
+        for pattern in &selection.materials {
+            let names = materials.iter().map(|(name, _)| name.as_str());
+            for i in self.matches("main_object.materials", pattern, names)? {
+                main_material[i] = true;
+            }
+        }
+        let is_inside = self.inside(selection)?;
+        let is_main: Vec<bool> = (0..mesh.indices.len())
+            .map(|t| {
+                let (object, material) = (mesh.objects[t] as usize, mesh.materials[t] as usize);
+                main_object[object]
+                    || main_material[material]
+                    || mesh.corners(t).iter().all(|&p| is_inside(p))
+            })
+            .collect();
+        if !is_main.contains(&true) {
+            let message = "names no triangle; give `objects`, `materials` or `inside`";
+            return Err(self.error("main_object", message));
+        }
+        Ok(is_main)
+    }
+
+    /// Whether a point is in the box of a selection, if that has one.
+    fn inside(&self, selection: &Selection) -> Result<impl Fn(Vec3) -> bool + use<>, ImportError> {
+        let corners = selection.inside.map(|c| c.map(Vec3::from_array));
+        if let Some([lo, hi]) = corners
+            && !lo.cmple(hi).all()
+        {
+            let message = format!("must be two corners, the lesser first, got {lo} and {hi}");
+            return Err(self.error("main_object.inside", message));
+        }
+        Ok(move |p: Vec3| corners.is_some_and(|[lo, hi]| p.cmpge(lo).all() && p.cmple(hi).all()))
+    }
+}

@@ -1,0 +1,22 @@
+//! Scene files: readers of OBJ, MTL, glTF and sidecars, and the staging of scenes that have none.
+//!
+//! Every reader fills an [`Imported`](imported::Imported); the [`builder`] merges it with the
+//! sidecar, checks both, and builds the [`Scene`](crate::scene::Scene).
+
+mod axes;
+pub mod backdrop;
+pub mod builder;
+pub mod error;
+mod find;
+pub mod gltf;
+pub mod imported;
+pub mod mtl;
+pub mod mtl_params;
+pub mod obj;
+pub mod sidecar;
+pub mod stage;
+pub mod wavefront;
+
+pub use builder::{Loaded, load};
+pub use error::ImportError;
+pub use find::find;

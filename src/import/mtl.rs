@@ -1,0 +1,291 @@
+//! What a Wavefront MTL says, checked line by line. Its meaning is the business
+//! of [`super::mtl_params`].
+//!
+//! # References
+//! Alias *MTL Material Format*; its extension for physically based materials
+//! (`Pr`, `Pm`, `map_Pr`, `map_Pm`, `norm`) as exporters write it.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use glam::{Affine2, Vec2};
+
+use super::wavefront::{LineError, logical_lines, numbers, split_keyword};
+use crate::scene::texture::Channel;
+
+/// What wrote a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Origin {
+    /// Anything.
+    #[default]
+    Other,
+    /// Blender up to 3.0, whose header names no version: `Ns` = 900·(1 − roughness)².
+    OldBlender,
+    /// Blender: `Ns` = 1000·(1 − roughness)².
+    Blender,
+}
+
+/// A map that has a meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum MapKind {
+    /// `map_Kd`.
+    Kd,
+    /// `map_Ks`.
+    Ks,
+    /// `map_Ke`.
+    Ke,
+    /// `map_Ns`.
+    Ns,
+    /// `map_Pr`.
+    Pr,
+    /// `map_Pm`.
+    Pm,
+    /// `map_refl`; in Blender's files also `refl`.
+    Refl,
+    /// `map_d`.
+    D,
+    /// `map_Bump` or `bump`.
+    Bump,
+    /// `norm`.
+    Norm,
+}
+
+/// An image and its options.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapSpec {
+    /// The keyword as written.
+    pub keyword: String,
+    /// File as written.
+    pub file: String,
+    /// `-s` and `-o`: from the surface's texture coordinates to the image's.
+    pub transform: Affine2,
+    /// `-bm`.
+    pub multiplier: Option<f32>,
+    /// `-imfchan`.
+    pub channel: Option<Channel>,
+}
+
+/// A material as written; what is absent is `None`.
+#[derive(Clone, Debug, Default)]
+#[allow(missing_docs)]
+pub struct MtlMaterial {
+    pub name: String,
+    pub origin: Origin,
+    /// Directory of the file.
+    pub directory: PathBuf,
+    pub ka: Option<[f32; 3]>,
+    pub kd: Option<[f32; 3]>,
+    pub ks: Option<[f32; 3]>,
+    pub ke: Option<[f32; 3]>,
+    pub tf: Option<[f32; 3]>,
+    pub ns: Option<f32>,
+    pub ni: Option<f32>,
+    pub d: Option<f32>,
+    pub tr: Option<f32>,
+    pub pr: Option<f32>,
+    pub pm: Option<f32>,
+    pub illum: Option<u8>,
+    pub maps: BTreeMap<MapKind, MapSpec>,
+}
+
+/// Reads an MTL in `directory`; also returns facts that a user should hear of.
+///
+/// # Errors
+/// With the first line that cannot be understood.
+pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<String>), LineError> {
+    let origin = origin(text);
+    let mut out: Vec<MtlMaterial> = Vec::new();
+    let mut warnings: Vec<String> = Vec::new();
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        let key = keyword.to_lowercase();
+        if key == "newmtl" {
+            if rest.is_empty() {
+                return Err(fail("needs a name".into()));
+            }
+            let (name, directory) = (rest.to_owned(), directory.to_path_buf());
+            out.push(MtlMaterial { name, origin, directory, ..MtlMaterial::default() });
+            continue;
+        }
+        let Some(m) = out.last_mut() else { return Err(fail("stands before any `newmtl`".into())) };
+        let mut warn = |message: String| {
+            let message = format!("material `{}`: {message}", m.name);
+            if !warnings.contains(&message) {
+                warnings.push(message);
+            }
+        };
+        match key.as_str() {
+            "kd" => m.kd = Some(color(rest).map_err(fail)?),
+            "ks" => m.ks = Some(color(rest).map_err(fail)?),
+            "ke" => m.ke = Some(color(rest).map_err(fail)?),
+            // May also be a spectrum, and rarely matter.
+            "ka" => m.ka = color(rest).ok(),
+            "tf" => m.tf = color(rest).ok(),
+            "ns" => m.ns = Some(number(rest).map_err(fail)?),
+            "ni" => m.ni = Some(number(rest).map_err(fail)?),
+            "d" => m.d = Some(number(rest.trim_start_matches("-halo")).map_err(fail)?),
+            "tr" => m.tr = Some(number(rest).map_err(fail)?),
+            "pr" => m.pr = Some(number(rest).map_err(fail)?),
+            "pm" => m.pm = Some(number(rest).map_err(fail)?),
+            "illum" => {
+                let v = number(rest).map_err(fail)?;
+                if v > 10.0 {
+                    return Err(fail(format!("must be 0 to 10, got {v}")));
+                }
+                // Some exporters write -1 for none.
+                m.illum = (v >= 0.0).then_some(v.round() as u8);
+            }
+            "ps" | "pc" | "aniso" => {
+                if number(rest).is_ok_and(|v| v > 0.0) {
+                    warn(format!("`{keyword}` is ignored"));
+                }
+            }
+            _ => match map_kind(&key, origin) {
+                Some(kind) => {
+                    let map = map(keyword, rest, &mut warn);
+                    if map.file.is_empty() {
+                        return Err(fail("needs a file".into()));
+                    }
+                    m.maps.insert(kind, map);
+                }
+                None if is_ignored_map(&key) => warn(format!("`{keyword}` is ignored")),
+                None => {}
+            },
+        }
+    }
+    Ok((out, warnings))
+}
+
+/// What wrote the file, by its first line.
+fn origin(text: &str) -> Origin {
+    let first = text.trim_start_matches('\u{feff}').lines().next().unwrap_or_default();
+    match first.trim().strip_prefix("# Blender ") {
+        None => Origin::Other,
+        Some(rest) if rest.starts_with("MTL File") => Origin::OldBlender,
+        Some(_) => Origin::Blender,
+    }
+}
+
+fn number(rest: &str) -> Result<f32, String> {
+    match numbers::<1>(rest)? {
+        (_, 0) => Err("needs a number".into()),
+        ([v], _) => finite(&[v]).map(|()| v),
+    }
+}
+
+fn color(rest: &str) -> Result<[f32; 3], String> {
+    let (c, n) = numbers::<3>(rest)?;
+    finite(&c)?;
+    match n {
+        1 => Ok([c[0]; 3]),
+        3 => Ok(c),
+        _ => Err(format!("needs 3 numbers, got {n}")),
+    }
+}
+
+fn finite(values: &[f32]) -> Result<(), String> {
+    match values.iter().find(|v| !v.is_finite()) {
+        Some(v) => Err(format!("must be finite, got {v}")),
+        None => Ok(()),
+    }
+}
+
+/// The meaning of a key in lower case.
+fn map_kind(key: &str, origin: Origin) -> Option<MapKind> {
+    Some(match key {
+        "map_kd" => MapKind::Kd,
+        "map_ks" => MapKind::Ks,
+        "map_ke" => MapKind::Ke,
+        "map_ns" => MapKind::Ns,
+        "map_pr" => MapKind::Pr,
+        "map_pm" => MapKind::Pm,
+        "map_refl" => MapKind::Refl,
+        // Elsewhere it is a picture of what is reflected.
+        "refl" if origin != Origin::Other => MapKind::Refl,
+        "map_d" => MapKind::D,
+        "map_bump" | "bump" => MapKind::Bump,
+        "norm" | "map_norm" | "map_kn" => MapKind::Norm,
+        _ => return None,
+    })
+}
+
+/// Whether a key in lower case names a map without meaning here. That of the
+/// ambient light, which there is none of, is not worth a word.
+fn is_ignored_map(key: &str) -> bool {
+    (key.starts_with("map_") && key != "map_ka") || ["disp", "decal", "refl"].contains(&key)
+}
+
+/// Options and file of a map.
+fn map(keyword: &str, rest: &str, warn: &mut impl FnMut(String)) -> MapSpec {
+    let (mut scale, mut offset) = (Vec2::ONE, Vec2::ZERO);
+    let (mut multiplier, mut channel) = (None, None);
+    let mut file = rest;
+    while let Some(option) = file.split_whitespace().next().filter(|w| w.starts_with('-')) {
+        let (least, most) = match option {
+            "-s" | "-o" | "-t" => (1, 3),
+            "-mm" => (2, 2),
+            "-blendu" | "-blendv" | "-cc" | "-clamp" | "-texres" | "-bm" | "-boost" | "-imfchan"
+            | "-type" | "-colorspace" => (1, 1),
+            _ => break,
+        };
+        file = file[option.len()..].trim_start();
+        let mut words: Vec<&str> = Vec::new();
+        while words.len() < most
+            && let Some(word) = file.split_whitespace().next()
+            && (words.len() < least || word.parse::<f32>().is_ok())
+        {
+            words.push(word);
+            file = file[word.len()..].trim_start();
+        }
+        let given: Vec<f32> =
+            words.iter().filter_map(|w| w.parse().ok()).filter(|v: &f32| v.is_finite()).collect();
+        let pair = |default: f32| Vec2::new(given[0], given.get(1).copied().unwrap_or(default));
+        match (option, given.first(), words.first().copied()) {
+            ("-s", Some(_), _) => scale = pair(1.0),
+            ("-o", Some(_), _) => offset = pair(0.0),
+            ("-bm", Some(&v), _) => multiplier = Some(v),
+            ("-imfchan", _, Some("r")) => channel = Some(Channel::R),
+            ("-imfchan", _, Some("g" | "l")) => channel = Some(Channel::G),
+            ("-imfchan", _, Some("b")) => channel = Some(Channel::B),
+            ("-imfchan", _, Some("m")) => channel = Some(Channel::A),
+            ("-clamp" | "-cc", _, Some("off")) | ("-blendu" | "-blendv", _, _) => {}
+            _ => warn(format!("option `{option} {}` of `{keyword}` is ignored", words.join(" "))),
+        }
+    }
+    let transform = Affine2::from_scale_angle_translation(scale, 0.0, offset);
+    MapSpec { keyword: keyword.into(), file: file.into(), transform, multiplier, channel }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_of_a_map_are_told_from_its_file() {
+        let parse = |rest: &str| {
+            let mut n_warnings = 0;
+            let m = map("map_Kd", rest, &mut |_| n_warnings += 1);
+            let s = m.transform;
+            (m.file, s.transform_vector2(Vec2::ONE), s.translation, m.multiplier, m.channel, n_warnings)
+        };
+        let plain = |file: &str| (file.to_owned(), Vec2::ONE, Vec2::ZERO, None, None, 0);
+        assert_eq!(parse("a b.png"), plain("a b.png"));
+        assert_eq!(parse("-odd.png"), plain("-odd.png"));
+        assert_eq!(parse("-clamp off -s 1 1 1 a.png"), plain("a.png"));
+        assert_eq!(parse("-s 2 3 -clamp on a.png").1, Vec2::new(2.0, 3.0));
+        assert_eq!(parse("-s 2 3 -clamp on a.png").5, 1);
+        let m = parse("-o 0.5 1 1 -bm 2 -imfchan m 7 of 9.png");
+        assert_eq!(m, ("7 of 9.png".into(), Vec2::ONE, Vec2::new(0.5, 1.0), Some(2.0), Some(Channel::A), 0));
+    }
+
+    #[test]
+    fn blender_is_known_by_its_first_line() {
+        assert_eq!(origin("# Blender 4.2.0 MTL File: 'a.blend'\n"), Origin::Blender);
+        assert_eq!(origin("# Blender v2.80 (sub 75) OBJ File\n"), Origin::Blender);
+        assert_eq!(origin("# Blender MTL File: 'None'\r\n# Material Count: 1\n"), Origin::OldBlender);
+        assert_eq!(origin("newmtl a\n# Blender 4.2.0\n"), Origin::Other);
+    }
+}

@@ -1,0 +1,339 @@
+//! What the materials of an MTL mean; the tables are in [`super::obj`].
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use glam::Affine2;
+
+use super::{
+    error::ImportError,
+    mtl::{MapKind, MapSpec, MtlMaterial, Origin},
+};
+use crate::{
+    math::Rgb,
+    scene::{
+        material::{MaterialParams, Model, Relief},
+        texture::{self, Channel, Encoding, ScalarMap, TEXTURE_BUDGET, Texture},
+    },
+};
+
+/// IOR of a coat or glass whose file does not say.
+const DEFAULT_IOR: f32 = 1.5;
+/// Roughness of a surface whose file does not say.
+const DEFAULT_ROUGHNESS: f32 = 0.5;
+/// Albedo of a material whose file does not say.
+const DEFAULT_ALBEDO: f32 = 0.8;
+/// Height of white over black of a bump map with `-bm` 1, in widths of the image.
+/// MTL names no unit; edges of a texel or two then rise by tens of degrees.
+const BUMP_HEIGHT: f32 = 0.01;
+
+/// Diffuse grey.
+pub fn grey() -> MaterialParams {
+    let base_color = Rgb::splat(DEFAULT_ALBEDO);
+    MaterialParams { base_color, ..MaterialParams::default() }
+}
+
+/// Reads materials and the images they need, each once.
+#[derive(Debug, Default)]
+pub struct Reader {
+    images: BTreeMap<(PathBuf, Encoding), Arc<Texture>>,
+    /// Facts that a user should hear of.
+    pub warnings: Vec<String>,
+}
+
+impl Reader {
+    /// A reader that adds to `warnings`.
+    #[must_use]
+    pub fn new(warnings: Vec<String>) -> Self {
+        Self { images: BTreeMap::new(), warnings }
+    }
+
+    /// Parameters of all materials. What their images occupy is kept below
+    /// [`TEXTURE_BUDGET`].
+    ///
+    /// # Errors
+    /// When a file exists but is not an image.
+    pub fn read(&mut self, library: &[MtlMaterial]) -> Result<Vec<(String, MaterialParams)>, ImportError> {
+        let mut out: Vec<(String, MaterialParams)> = Vec::new();
+        for m in library {
+            out.push((m.name.clone(), self.params(m)?));
+            // After each, so that no more than one material's images come on top.
+            let in_use = out.iter_mut().flat_map(|(_, p)| p.textures_mut());
+            let mut textures: Vec<&mut Arc<Texture>> = in_use.chain(self.images.values_mut()).collect();
+            self.warnings.extend(texture::fit(&mut textures, TEXTURE_BUDGET));
+        }
+        Ok(out)
+    }
+
+    fn warn(&mut self, m: &MtlMaterial, message: impl std::fmt::Display) {
+        self.warnings.push(format!("material `{}`: {message}", m.name));
+    }
+
+    fn params(&mut self, m: &MtlMaterial) -> Result<MaterialParams, ImportError> {
+        let texture = self.image(m, MapKind::Kd, Encoding::Srgb)?;
+        let default = if texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
+        // Blender's images stand for the numbers. Its old exporter writes these too: what
+        // the shader has below the image. Others write black there.
+        let is_blender = m.origin != Origin::Other;
+        let is_replaced = |kd: [f32; 3]| texture.is_some() && (is_blender || kd == [0.0; 3]);
+        let kd = m.kd.filter(|&kd| !is_replaced(kd)).unwrap_or([default; 3]);
+        let base_color = self.clamped(m, "Kd", kd);
+        let emission_texture = self.image(m, MapKind::Ke, Encoding::Srgb)?;
+        let default = if emission_texture.is_some() { 1.0 } else { 0.0 };
+        let ke = m.ke.filter(|&ke| ke != [0.0; 3]).unwrap_or([default; 3]);
+        let emission = Rgb::from_array(ke).max(Rgb::ZERO);
+        let ior = m.ni.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
+        let common = MaterialParams {
+            base_color,
+            texture,
+            ior,
+            emission,
+            emission_texture,
+            // As Blender's emission; elsewhere the front alone, as in other renderers.
+            emission_two_sided: is_blender,
+            relief: self.relief(m)?,
+            ..MaterialParams::default()
+        };
+        let params = match m.origin {
+            Origin::Other => self.plain(m, common)?,
+            Origin::Blender | Origin::OldBlender => self.blender(m, common)?,
+        };
+        if params.model == Model::Dielectric {
+            return Ok(params);
+        }
+        let opacity_map = self.opacity_map(m)?;
+        let known = m.d.or(m.tr.map(|tr| 1.0 - tr)).filter(|&d| d >= 0.0);
+        let opacity = known.unwrap_or(1.0).clamp(0.0, 1.0);
+        if opacity == 0.0 {
+            let key = if m.d.is_some() { "d" } else { "Tr" };
+            self.warn(m, format_args!("is invisible, says its `{key}`"));
+        }
+        Ok(MaterialParams { opacity, opacity_map, ..params })
+    }
+
+    /// A material of any program but Blender.
+    fn plain(&mut self, m: &MtlMaterial, common: MaterialParams) -> Result<MaterialParams, ImportError> {
+        let specular = self.clamped(m, "Ks", m.ks.unwrap_or_default());
+        let metallic_map = self.scalar(m, MapKind::Pm)?;
+        let roughness_map = self.scalar(m, MapKind::Pr)?;
+        if let Some(map) = m.maps.get(&MapKind::Ns).or(m.maps.get(&MapKind::Refl)) {
+            self.warn(m, format_args!("`{}` is ignored", map.keyword));
+        }
+        let pm = m.pm.unwrap_or(0.0).clamp(0.0, 1.0);
+        let metallic = if metallic_map.is_some() { 1.0 } else { pm };
+        let illum = m.illum.unwrap_or(2);
+        let mut params = MaterialParams { metallic, metallic_map, roughness_map, ..common };
+        let has_specular =
+            specular.max_element() > 0.0 || m.ks.is_none() && m.maps.contains_key(&MapKind::Ks);
+        if matches!(illum, 4 | 6 | 7 | 9) && metallic < 0.5 {
+            params.model = Model::Dielectric;
+        } else if illum == 3 && params.base_color == Rgb::ZERO && has_specular {
+            params.model = Model::Conductor;
+            params.texture = self.image(m, MapKind::Ks, Encoding::Srgb)?;
+            params.base_color = if m.ks.is_some() { specular } else { Rgb::ONE };
+        } else if has_specular {
+            params.model = Model::Plastic;
+            params.specular_map = self.scalar(m, MapKind::Ks)?;
+        }
+        let slope_from_ns = |ns: f32| (2.0 / (ns.max(0.0) + 2.0)).sqrt();
+        params.roughness = match (m.pr, m.ns, params.model) {
+            _ if params.roughness_map.is_some() => 1.0,
+            (Some(pr), _, _) => pr.clamp(0.0, 1.0),
+            (None, _, Model::Dielectric) => 0.0,
+            (None, Some(ns), _) => slope_from_ns(ns).sqrt(),
+            (None, None, _) => DEFAULT_ROUGHNESS,
+        };
+        Ok(as_metal(params))
+    }
+
+    /// A material as Blender's exporters mean it: the inverse of what they do
+    /// to the parameters of its principled shader.
+    fn blender(&mut self, m: &MtlMaterial, common: MaterialParams) -> Result<MaterialParams, ImportError> {
+        let mean = |c: [f32; 3]| c.iter().sum::<f32>() / 3.0;
+        let given = |v: Option<f32>| v.filter(|&v| v >= 0.0);
+        let transmission = given(m.tf.map(mean)).unwrap_or(0.0);
+        if transmission > 0.0 && transmission < 1.0 {
+            let taken = if transmission < 0.5 { "opaque" } else { "clear" };
+            self.warn(m, format_args!("transmission `Tf` {transmission} is partial: it is taken as {taken}"));
+        }
+        let metallic_map = match self.scalar(m, MapKind::Pm)? {
+            None => self.scalar(m, MapKind::Refl)?,
+            map => map,
+        };
+        let roughness_map = match self.scalar(m, MapKind::Pr)? {
+            None => self.scalar(m, MapKind::Ns)?,
+            map => map,
+        };
+        // `Ka` holds the metal where something is reflected, otherwise a constant.
+        let from_ka = || if matches!(m.illum, Some(3..=8)) { mean(m.ka.unwrap_or([1.0; 3])) } else { 0.0 };
+        let metallic = given(m.pm).unwrap_or_else(from_ka).clamp(0.0, 1.0);
+        let full = if m.origin == Origin::OldBlender { 900.0 } else { 1000.0 };
+        let from_ns = |ns: f32| 1.0 - (ns / full).min(1.0).sqrt();
+        let roughness = given(m.pr).or(given(m.ns).map(from_ns)).unwrap_or(DEFAULT_ROUGHNESS).clamp(0.0, 1.0);
+        // A specular level of 0.5 is the reflectance that the IOR says.
+        let specular_map = self.scalar(m, MapKind::Ks)?;
+        let level = given(m.ks.map(mean)).unwrap_or(0.5);
+        let specular = if specular_map.is_some() { 2.0 } else { (2.0 * level).min(1.0) };
+        let model = match specular {
+            _ if transmission >= 0.5 => Model::Dielectric,
+            0.0 => Model::Diffuse,
+            _ => Model::Plastic,
+        };
+        Ok(as_metal(MaterialParams {
+            model,
+            roughness: if roughness_map.is_some() { 1.0 } else { roughness },
+            roughness_map,
+            specular,
+            specular_map,
+            metallic: if metallic_map.is_some() { 1.0 } else { metallic },
+            metallic_map,
+            ..common
+        }))
+    }
+
+    fn clamped(&mut self, m: &MtlMaterial, key: &str, c: [f32; 3]) -> Rgb {
+        let c = Rgb::from_array(c);
+        let clamped = c.clamp(Rgb::ZERO, Rgb::ONE);
+        if clamped != c {
+            self.warn(m, format_args!("{key} {c} is outside [0, 1] and was clamped"));
+        }
+        clamped
+    }
+
+    /// The image of a map; `None` where the material has none or its file is missing.
+    fn image(
+        &mut self,
+        m: &MtlMaterial,
+        kind: MapKind,
+        encoding: Encoding,
+    ) -> Result<Option<Arc<Texture>>, ImportError> {
+        let Some(map) = m.maps.get(&kind) else { return Ok(None) };
+        let Some(path) = find(&m.directory, &map.file) else {
+            let message = format!(
+                "`{}`: no file `{}`; the map is left out",
+                map.keyword,
+                m.directory.join(map.file.replace('\\', "/")).display()
+            );
+            let message = format!("material `{}`: {message}", m.name);
+            if !self.warnings.contains(&message) {
+                self.warnings.push(message);
+            }
+            return Ok(None);
+        };
+        let key = (path, encoding);
+        let image = match self.images.get(&key) {
+            Some(image) => image.clone(),
+            None => {
+                let role = format!("`{}` of material `{}`", map.keyword, m.name);
+                let image = Arc::new(Texture::load(&key.0, encoding, &role)?);
+                self.images.insert(key, image.clone());
+                image
+            }
+        };
+        if map.transform == Affine2::IDENTITY {
+            return Ok(Some(image));
+        }
+        Ok(Some(Arc::new(image.transformed(map.transform))))
+    }
+
+    /// The numbers of a map.
+    fn scalar(&mut self, m: &MtlMaterial, kind: MapKind) -> Result<Option<ScalarMap>, ImportError> {
+        let channel = m.maps.get(&kind).and_then(|map| map.channel).unwrap_or(Channel::G);
+        Ok(self.image(m, kind, Encoding::Linear)?.map(|texture| ScalarMap { texture, channel }))
+    }
+
+    /// `map_d`: the alpha of an image whose alpha varies, otherwise its red.
+    fn opacity_map(&mut self, m: &MtlMaterial) -> Result<Option<ScalarMap>, ImportError> {
+        let Some(map) = m.maps.get(&MapKind::D) else { return Ok(None) };
+        let varies = |t: &Texture| t.range()[0].w < t.range()[1].w;
+        // Alpha is the same in an image that is already there as a colour.
+        let is_color = |kd: &MapSpec| kd.file == map.file && kd.transform == map.transform;
+        if map.channel.is_none()
+            && m.maps.get(&MapKind::Kd).is_some_and(is_color)
+            && let Some(texture) = self.image(m, MapKind::Kd, Encoding::Srgb)?
+            && varies(&texture)
+        {
+            return Ok(Some(ScalarMap { texture, channel: Channel::A }));
+        }
+        Ok(self.image(m, MapKind::D, Encoding::Linear)?.map(|texture| {
+            let default = if varies(&texture) { Channel::A } else { Channel::R };
+            ScalarMap { channel: map.channel.unwrap_or(default), texture }
+        }))
+    }
+
+    fn relief(&mut self, m: &MtlMaterial) -> Result<Option<Relief>, ImportError> {
+        for kind in [MapKind::Norm, MapKind::Bump] {
+            let Some(texture) = self.image(m, kind, Encoding::Linear)? else { continue };
+            let map = &m.maps[&kind];
+            let scale = map.multiplier.unwrap_or(1.0);
+            if scale == 0.0 {
+                return Ok(None);
+            }
+            let is_normals = kind == MapKind::Norm || map.channel.is_none() && holds_normals(&texture);
+            return Ok(Some(if is_normals {
+                Relief::NormalMap { texture, scale }
+            } else {
+                let height = ScalarMap { texture, channel: map.channel.unwrap_or(Channel::G) };
+                Relief::BumpMap { height, scale: BUMP_HEIGHT * scale }
+            }));
+        }
+        Ok(None)
+    }
+}
+
+/// The pure model of what is metal all over.
+fn as_metal(params: MaterialParams) -> MaterialParams {
+    let is_metal =
+        params.model != Model::Dielectric && params.metallic >= 1.0 && params.metallic_map.is_none();
+    if !is_metal {
+        return params;
+    }
+    MaterialParams { model: Model::Conductor, metallic: 0.0, specular: 1.0, specular_map: None, ..params }
+}
+
+/// Whether an image looks like normals of a tangent space: bluish, for they point
+/// up, and lean to all sides alike. Exporters write those as bump maps too.
+fn holds_normals(texture: &Texture) -> bool {
+    const MAX_SAMPLES: usize = 1 << 14;
+    let [width, height] = texture.size();
+    let n = width * height;
+    let step = n.div_ceil(MAX_SAMPLES);
+    let sum = (0..n).step_by(step).fold([0.0; 3], |s, i| {
+        let t = texture.texel(i % width, i / width);
+        [s[0] + t[0], s[1] + t[1], s[2] + t[2]]
+    });
+    let [r, g, b] = sum.map(|s| s / n.div_ceil(step) as f32);
+    let is_even = |v: f32| (v - 0.5).abs() < 0.15;
+    is_even(r) && is_even(g) && b > 0.65 && b - r.max(g) > 0.15
+}
+
+/// Folders that images are also sought in: where archives of models put them.
+const IMAGE_FOLDERS: [&str; 2] = ["textures", "../textures"];
+
+/// Finds an image as exporters name it: relative to the MTL, absolute, in quotes,
+/// or as it was on another machine, of which the last parts are sought beside the
+/// MTL and in [`IMAGE_FOLDERS`], if need be in other letter case.
+fn find(directory: &Path, file: &str) -> Option<PathBuf> {
+    let file = file.trim_matches('"').replace('\\', "/");
+    let parts: Vec<&str> = file.split('/').filter(|p| !p.is_empty()).collect();
+    let name = *parts.last()?;
+    let ends = (0..parts.len()).map(|i| directory.join(parts[i..].join("/")));
+    let in_folders = || IMAGE_FOLDERS.iter().map(|f| directory.join(f));
+    let given = directory.join(&file);
+    let candidates = std::iter::once(given.clone()).chain(ends).chain(in_folders().map(|f| f.join(name)));
+    let found = candidates.into_iter().find(|p| p.is_file());
+    found.or_else(|| {
+        let beside = given.parent().map(Path::to_path_buf).into_iter().chain([directory.to_path_buf()]);
+        beside.chain(in_folders()).find_map(|d| {
+            let entries = fs::read_dir(d).ok()?.flatten().map(|e| e.path());
+            let is_same = |p: &PathBuf| {
+                p.file_name().is_some_and(|n| n.to_string_lossy().eq_ignore_ascii_case(name)) && p.is_file()
+            };
+            entries.filter(is_same).min()
+        })
+    })
+}

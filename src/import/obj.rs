@@ -1,0 +1,226 @@
+//! Wavefront OBJ and MTL, through `tobj`.
+//!
+//! # Mapping of MTL
+//!
+//! | MTL | meaning |
+//! | --- | --- |
+//! | `Kd`, `map_Kd` | base colour: linear Rec.709, times the sRGB-decoded image; the image alone if `Kd` is black |
+//! | `Pm` 1 | `conductor` with the base colour as reflectance at normal incidence |
+//! | `Pm` below 1, `map_Pm` | share of such a metal; the image replaces the number |
+//! | `illum` 4, 6, 7, 9 | `dielectric` (glass) of IOR `Ni`, unless half or more is metal |
+//! | `illum` 3 and black `Kd` | `conductor` with reflectance `Ks` times the colours of `map_Ks` |
+//! | `Ks` > 0, or `map_Ks` alone | `plastic`: the base colour under a coat of IOR `Ni` (1.5 when absent or 1) of strength `map_Ks` |
+//! | otherwise | `diffuse` |
+//! | `Pr`, `map_Pr` | roughness; the GGX slope is its square; the image replaces the number |
+//! | `Ns` | without `Pr`: slope `√(2/(Ns+2))` |
+//! | `d`, or 1 − `Tr`; `map_d` | opacity, times the image's alpha if that varies, otherwise its red; of glass: nothing |
+//! | `Ke`, `map_Ke` | radiance emitted by the front side, in Blender's files by both, W·m⁻²·sr⁻¹; the image alone if `Ke` is black |
+//! | `norm` | normal map, `-bm` multiplies its slopes |
+//! | `map_Bump`, `bump` | the same if the image looks like one; otherwise heights: white is `-bm` hundredths of the image's width above black |
+//! | `-s`, `-o`, `-imfchan` | of any map: texture coordinates `s·uv + o`, and the channel of a number |
+//!
+//! Faces without a material, and materials that no library defines, are diffuse
+//! grey of albedo 0.8. Other maps and options are ignored with a warning; a map
+//! whose file is missing is left out with a warning.
+//!
+//! `Ks` decides only whether there is a coat: how much it reflects follows from
+//! the IOR.
+//!
+//! # Files of Blender
+//!
+//! They begin with `# Blender` and mean the parameters of its principled shader:
+//!
+//! | MTL | meaning |
+//! | --- | --- |
+//! | `Ks`, `map_Ks` | specular level: the coat has twice this strength, 1 at most |
+//! | `Pr` or `Ns`, `map_Pr` or `map_Ns` | roughness, `1 − √(Ns/1000)`; with 900 where the first line names no version |
+//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm`, `map_refl` or `refl` | share of metal |
+//! | `map_Kd` | base colour, whatever `Kd` |
+//! | `Tf` ≥ 0.5 | `dielectric`; `illum` 6 and 9 are no glass but say that `d` < 1 |
+
+use std::{collections::HashMap, fs, path::Path};
+
+use glam::{Vec2, Vec3};
+
+use super::{
+    error::ImportError,
+    imported::{Imported, Part},
+    mtl::{self, MtlMaterial},
+    mtl_params::{self, grey},
+    wavefront::{self, PlainObj},
+};
+use crate::{
+    files::text::decode,
+    scene::mesh::{Mesh, is_proper, smooth_normals},
+};
+
+/// Name of the material of faces without one.
+const NO_NAME: &str = "(none)";
+
+/// Reads an OBJ with its MTL and textures. `crease` is in radians.
+///
+/// A missing MTL is a warning: its materials are grey, but keep their names.
+///
+/// # Errors
+/// When the OBJ, an MTL or a texture cannot be understood, or no triangle is left.
+pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
+    let bytes = fs::read(path).map_err(|source| ImportError::Read { path: path.into(), source })?;
+    let plain = wavefront::plain_obj(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
+    let mut warnings = Vec::new();
+    for (line, keyword) in &plain.unsupported {
+        warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
+    }
+    for (line, what) in &plain.absent {
+        let file = path.display();
+        warnings.push(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
+    }
+    let library = material_library(path, &plain, &mut warnings)?;
+    let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
+    // `tobj` need only know the names.
+    let named = |m: &MtlMaterial| tobj::Material { name: m.name.clone(), ..Default::default() };
+    let all = || library.iter().map(named).collect::<Vec<_>>();
+    let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
+    let mut reader = mtl_params::Reader::new(warnings);
+    let (models, materials) = rayon::join(
+        || tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((all(), names()))),
+        || reader.read(&library),
+    );
+    let (models, _) = models.map_err(|source| ImportError::Obj { path: path.into(), source })?;
+    let mut materials = materials?;
+    let mut warnings = reader.warnings;
+    let default_material = materials.len() as u32;
+    let mut raw = Mesh::default();
+    let mut dropped = plain.n_short;
+    for model in &models {
+        // Named so by `wavefront`; a file without faces has one model of another name.
+        let Ok(part) = model.name.parse() else { continue };
+        let material = model.mesh.material_id.map_or(default_material, |m| m as u32);
+        dropped += append(&mut raw, &model.mesh, part, material);
+    }
+    match dropped {
+        0 => {}
+        1 => warnings.push(format!("{}: left out 1 degenerate triangle", path.display())),
+        n => warnings.push(format!("{}: left out {n} degenerate triangles", path.display())),
+    }
+    if raw.materials.contains(&default_material) {
+        materials.push((NO_NAME.into(), grey()));
+    }
+    if raw.indices.is_empty() {
+        return Err(ImportError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
+    }
+    let mesh = with_normals(&raw, &plain.parts, crease);
+    Ok(Imported { mesh, parts: plain.parts, materials, warnings, ..Imported::default() })
+}
+
+/// Reads all material libraries, and adds a grey material for every name that none defines.
+fn material_library(
+    path: &Path,
+    plain: &PlainObj,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<MtlMaterial>, ImportError> {
+    let dir = path.parent().unwrap_or(Path::new(""));
+    let mut library: Vec<MtlMaterial> = Vec::new();
+    let mut is_missing = false;
+    for (line, names) in &plain.libraries {
+        // One name with spaces, or several names.
+        let whole = names.trim_matches('"').replace('\\', "/");
+        let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
+        let is_several = words.iter().any(|w| dir.join(w).is_file()) && !dir.join(&whole).is_file();
+        let files = if is_several { words } else { vec![whole] };
+        let files = files.iter().filter(|f| !f.is_empty());
+        for file in files.map(|f| dir.join(f)) {
+            let bytes = match fs::read(&file) {
+                Ok(bytes) => bytes,
+                Err(e) => {
+                    is_missing = true;
+                    let (obj, mtl) = (path.display(), file.display());
+                    warnings.push(format!("{obj}:{line}: material library {mtl}: {e}; using grey"));
+                    continue;
+                }
+            };
+            let directory = file.parent().unwrap_or(Path::new(""));
+            let (materials, notes) =
+                mtl::parse(&decode(&bytes), directory).map_err(|e| ImportError::at(&file, e))?;
+            warnings.extend(notes.into_iter().map(|n| format!("{}: {n}", file.display())));
+            for m in materials {
+                // The last definition of a name counts.
+                library.retain(|known| known.name != m.name);
+                library.push(m);
+            }
+        }
+    }
+    for (line, name) in &plain.materials {
+        if !library.iter().any(|m| m.name == *name) {
+            if !is_missing {
+                let obj = path.display();
+                warnings.push(format!("{obj}:{line}: no library defines material `{name}`; using grey"));
+            }
+            library.push(MtlMaterial { name: name.clone(), ..Default::default() });
+        }
+    }
+    Ok(library)
+}
+
+/// Appends a model, whose absent normals are zero; returns how many triangles
+/// were degenerate and left out.
+fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
+    let base = mesh.positions.len() as u32;
+    mesh.positions.extend(m.positions.chunks_exact(3).map(Vec3::from_slice));
+    mesh.normals.extend(m.normals.chunks_exact(3).map(|n| Vec3::from_slice(n).normalize_or_zero()));
+    let uvs = m.texcoords.chunks_exact(2).map(Vec2::from_slice);
+    mesh.uvs.extend(uvs.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }));
+    let before = mesh.indices.len();
+    for t in m.indices.chunks_exact(3) {
+        let t = [t[0], t[1], t[2]].map(|i| base + i);
+        let corners = t.map(|i| mesh.positions[i as usize]);
+        if is_proper(corners) {
+            mesh.indices.push(t);
+        }
+    }
+    let n = mesh.indices.len() - before;
+    mesh.materials.extend(std::iter::repeat_n(material, n));
+    mesh.objects.extend(std::iter::repeat_n(part, n));
+    m.indices.len() / 3 - n
+}
+
+/// The mesh with every normal, and without vertices that no triangle uses.
+///
+/// Absent normals are smooth within an object, whatever its materials and
+/// groups; in a file without objects, within a group.
+fn with_normals(raw: &Mesh, parts: &[Part], crease: f32) -> Mesh {
+    let mut smooth: HashMap<usize, [Vec3; 3]> = HashMap::new();
+    let mut bodies: HashMap<Option<&str>, Vec<usize>> = HashMap::new();
+    for (t, corners) in raw.indices.iter().enumerate() {
+        if corners.iter().any(|&i| raw.normals[i as usize] == Vec3::ZERO) {
+            bodies.entry(parts[raw.objects[t] as usize].names().next()).or_default().push(t);
+        }
+    }
+    for triangles in bodies.values() {
+        let indices: Vec<[u32; 3]> = triangles.iter().map(|&t| raw.indices[t]).collect();
+        smooth.extend(triangles.iter().copied().zip(smooth_normals(&raw.positions, &indices, crease)));
+    }
+    let mut out = Mesh { materials: raw.materials.clone(), objects: raw.objects.clone(), ..Mesh::default() };
+    let mut moved: Vec<Option<u32>> = vec![None; raw.positions.len()];
+    for (t, corners) in raw.indices.iter().enumerate() {
+        let mut k = 0;
+        let triangle = corners.map(|i| {
+            let i = i as usize;
+            let given = raw.normals[i];
+            let found = smooth.get(&t).map(|n| n[k]).filter(|_| given == Vec3::ZERO);
+            k += 1;
+            if let (None, Some(to)) = (found, moved[i]) {
+                return to;
+            }
+            let to = out.positions.len() as u32;
+            out.positions.push(raw.positions[i]);
+            out.normals.push(found.unwrap_or(given));
+            out.uvs.push(raw.uvs[i]);
+            if found.is_none() {
+                moved[i] = Some(to);
+            }
+            to
+        });
+        out.indices.push(triangle);
+    }
+    out
+}

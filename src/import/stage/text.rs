@@ -1,0 +1,190 @@
+//! The sidecar of a staged scene, for users to edit.
+
+use std::fmt::Write as _;
+
+use glam::Vec3;
+
+use super::{
+    Main, Plan,
+    rig::{Form, radius},
+};
+use crate::import::{
+    backdrop::{self, Sweep},
+    sidecar::{SCHEMA, UpAxis},
+};
+
+/// Names of the main object on one line, at most.
+const MAX_ON_A_LINE: usize = 4;
+
+/// Base colour of the backdrop: light grey paper.
+const COLOR: [f32; 3] = [0.6; 3];
+/// Bounds of the factor on it: to albedos of 0.006 and 0.95.
+const VALUE_RANGE: [f32; 2] = [0.01, 1.58];
+
+/// A number to three digits, for messages.
+pub fn plain(v: f32) -> String {
+    if v != 0.0 && (v.abs() < 0.01 || v.abs() >= 1e6) {
+        return format!("{v:.2e}");
+    }
+    let decimals = (2.0 - v.abs().max(1e-30).log10().floor()).clamp(0.0, 4.0) as usize;
+    format!("{v:.decimals$}")
+}
+
+/// What was staged, in words.
+pub fn in_words(plan: &Plan) -> String {
+    let main = match &plan.main {
+        Main::Objects(names) if names.iter().any(|n| n == "*") => "everything".to_owned(),
+        Main::Objects(names) if names.len() > MAX_ON_A_LINE => {
+            format!("{} and {} more", names[..MAX_ON_A_LINE - 1].join(", "), names.len() + 1 - MAX_ON_A_LINE)
+        }
+        Main::Objects(names) => names.join(", "),
+        Main::Inside(_) => "what stands on the floor".to_owned(),
+    };
+    let staged = [
+        (plan.view.is_some(), "a camera"),
+        (plan.backdrop.is_some(), "a backdrop"),
+        (!plan.lights.is_empty(), "three lights"),
+    ];
+    let staged: Vec<&str> =
+        staged.iter().filter(|(is_staged, _)| *is_staged).map(|(_, what)| *what).collect();
+    format!("main object: {main}; staged with {}", staged.join(", "))
+}
+
+/// Numbers to a thousandth of the subject's size.
+#[derive(Clone, Copy)]
+struct Numbers(usize);
+
+impl Numbers {
+    fn for_size(size: f32) -> Self {
+        Self((3.0 - size.max(1e-30).log10().floor()).clamp(1.0, 30.0) as usize)
+    }
+
+    fn one(self, v: f32) -> String {
+        let text = format!("{v:.*}", self.0);
+        // Not -0.000.
+        if text.chars().any(|c| c.is_ascii_digit() && c != '0') { text } else { "0.0".into() }
+    }
+
+    fn three(self, v: Vec3) -> String {
+        format!("[{}, {}, {}]", self.one(v.x), self.one(v.y), self.one(v.z))
+    }
+}
+
+/// The whole file.
+pub fn sidecar(plan: &Plan) -> String {
+    let n = Numbers::for_size(radius(&plan.subject));
+    let mut out = format!(
+        "# Staging of {}: camera and lights found from its geometry. Edit what you like;\n\
+         # lengths are metres, angles degrees.\nschema = {SCHEMA}\n",
+        plan.file.replace(char::is_control, " ")
+    );
+    if let Some(scale) = plan.scale {
+        push(&mut out, format_args!("scale = {scale:?}   # metres per unit of the file\n"));
+    }
+    if plan.up_axis == UpAxis::Z {
+        out.push_str("up_axis = \"z\"\n");
+    }
+    if let Some(view) = &plan.view {
+        let [width, height] = view.size;
+        push(
+            &mut out,
+            format_args!(
+                "\n[camera]\nposition = {}\nlook_at = {}\nvfov = {:.2}\nsize = [{width}, {height}]\n",
+                n.three(view.eye),
+                n.three(view.look_at),
+                view.vfov
+            ),
+        );
+    }
+    main_object(&mut out, plan, n);
+    if let Some(sweep) = &plan.backdrop {
+        backdrop(&mut out, sweep, n);
+    }
+    lights(&mut out, plan, n);
+    out
+}
+
+fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
+    let _ = out.write_fmt(arguments);
+}
+
+fn main_object(out: &mut String, plan: &Plan, n: Numbers) {
+    match &plan.main {
+        Main::Objects(names) => {
+            let quoted = names.iter().map(|name| toml::Value::from(name.as_str()).to_string());
+            let quoted: Vec<String> = quoted.collect();
+            let list = match names.len() {
+                0..=MAX_ON_A_LINE => format!("[{}]", quoted.join(", ")),
+                _ => format!("[\n  {},\n]", quoted.join(",\n  ")),
+            };
+            push(out, format_args!("\n[main_object]\nobjects = {list}\n"));
+        }
+        Main::Inside(bounds) => {
+            // Beyond what rounding takes away.
+            let margin = 2e-3 * radius(bounds);
+            let (lo, hi) = (n.three(bounds.lo - margin), n.three(bounds.hi + margin));
+            push(out, format_args!("\n[main_object]\ninside = [{lo}, {hi}]\n"));
+        }
+    }
+}
+
+fn backdrop(out: &mut String, sweep: &Sweep, n: Numbers) {
+    push(
+        out,
+        format_args!(
+            "\n# A seamless sweep: a floor that bends up into a wall.\n[{}]\nposition = {}\nturn = {:.1}\n\
+             front = {}\nback = {}\nwidth = {}\nheight = {}\nradius = {}\nbase_color = {COLOR:?}\n\n\
+             # The backdrop may be exchanged, from black velvet to white paper.\n\
+             [background]\nvalue_range = {VALUE_RANGE:?}\n",
+            backdrop::NAME,
+            n.three(sweep.position),
+            sweep.turn.to_degrees(),
+            n.one(sweep.front),
+            n.one(sweep.back),
+            n.one(sweep.width),
+            n.one(sweep.height),
+            n.one(sweep.radius)
+        ),
+    );
+}
+
+fn lights(out: &mut String, plan: &Plan, n: Numbers) {
+    for light in &plan.lights {
+        let (kind, extent) = match light.form {
+            Form::Softbox(half) => ("rectangle", format!("half_extents = [{0}, {0}]", n.one(half))),
+            Form::Disk(r) => ("disk", format!("radius = {}", n.one(r))),
+        };
+        push(
+            out,
+            format_args!(
+                "\n# {}\n[[lights]]\nname = \"{}\"\ntype = \"{kind}\"\nposition = {}\nlook_at = {}\n{extent}\n\
+                 radiance = {:.3}\ncamera_visible = false\n",
+                sentence(light.purpose),
+                light.name,
+                n.three(light.position),
+                n.three(plan.subject.center()),
+                light.radiance
+            ),
+        );
+    }
+}
+
+/// With a capital and a full stop.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters.next().map(|c| c.to_ascii_uppercase());
+    first.into_iter().chain(letters).chain(['.']).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_the_size_asks_for() {
+        assert_eq!(Numbers::for_size(0.05).one(0.123456), "0.12346");
+        assert_eq!(Numbers::for_size(50.0).one(123.456), "123.46");
+        assert_eq!(Numbers::for_size(5e6).one(-0.01), "0.0");
+        assert_eq!(["61.0", "1.80", "0.0500", "1.00e-5", "1234"], [61.0, 1.8, 0.05, 1e-5, 1234.0].map(plain));
+    }
+}

@@ -1,0 +1,364 @@
+//! Wavefront text made plain before `tobj` reads it.
+//!
+//! `tobj` knows neither line numbers nor which corner lacks a normal, takes
+//! `o` and `g` for the same, and stumbles over comments behind numbers, tabs,
+//! vertex colours on some vertices only, polylines and `Kd` with one number.
+//! Here a file is checked line by line and rewritten such that none of this is
+//! left: absolute indices, triangles, one name per part.
+//!
+//! # References
+//! *Advanced Visualizer* manual, appendix B1. Triangulation: \[Meisters75\] (two
+//! ears theorem).
+
+use std::{borrow::Cow, collections::HashMap, fmt::Write as _};
+
+use glam::{Vec2, Vec3};
+
+use super::imported::Part;
+
+/// A line that cannot be understood.
+#[derive(Debug, PartialEq, Eq)]
+pub struct LineError {
+    /// Line, from 1.
+    pub line: usize,
+    /// What is wrong with it.
+    pub message: String,
+}
+
+/// Corners of a polygon above which it is not tested for being concave.
+const MAX_CONCAVE: usize = 1000;
+
+/// An OBJ in plain words.
+#[derive(Debug, Default)]
+pub struct PlainObj {
+    /// Text for `tobj`. Objects are named by index into `parts`; texture
+    /// coordinate 1 and normal 1 are zero and stand for absent ones.
+    pub text: String,
+    /// What triangles belong to.
+    pub parts: Vec<Part>,
+    /// Names after `usemtl`, each once, with its first line.
+    pub materials: Vec<(usize, String)>,
+    /// Names after `mtllib`, with the line.
+    pub libraries: Vec<(usize, String)>,
+    /// Faces of fewer than three corners.
+    pub n_short: usize,
+    /// Kinds of geometry that are not supported, with their first line.
+    pub unsupported: Vec<(usize, String)>,
+    /// What corners name although the file has none of it, with the first line.
+    pub absent: Vec<(usize, &'static str)>,
+}
+
+/// Splits into lines without comments, joining those that end in `\`;
+/// numbered from 1.
+pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
+    let mut physical = text.trim_start_matches('\u{feff}').lines().enumerate();
+    std::iter::from_fn(move || {
+        let (i, first) = physical.next()?;
+        let mut line = Cow::Borrowed(first.trim());
+        while let Some(start) = line.strip_suffix('\\') {
+            let next = physical.next().map_or("", |(_, l)| l.trim());
+            line = Cow::Owned(format!("{start} {next}"));
+            if next.is_empty() {
+                break;
+            }
+        }
+        Some((i + 1, line))
+    })
+    .filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'))
+}
+
+/// Keyword and rest of a line.
+pub(super) fn split_keyword(line: &str) -> (&str, &str) {
+    let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    (keyword, rest.trim())
+}
+
+/// Up to `N` numbers and how many there are; a comment may follow.
+pub(super) fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), String> {
+    let mut out = [0.0; N];
+    let mut n = 0;
+    for word in without_comment(rest).split_whitespace() {
+        let number = word.parse().map_err(|_| format!("`{word}` is not a number"))?;
+        *out.get_mut(n).ok_or_else(|| format!("more than {N} numbers"))? = number;
+        n += 1;
+    }
+    Ok((out, n))
+}
+
+fn without_comment(rest: &str) -> &str {
+    rest.split('#').next().unwrap_or_default()
+}
+
+/// Vertices, texture coordinates and normals so far or in all.
+type Counts = [usize; 3];
+
+/// What a first pass over the file finds.
+struct Vertices<'t> {
+    positions: Vec<Vec3>,
+    counts: Counts,
+    /// All lines that are no vertices, by number, with what came before them.
+    others: Vec<(usize, Counts, Cow<'t, str>)>,
+}
+
+/// Reads all vertices and appends their lines in plain words.
+fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineError> {
+    let mut found = Vertices { positions: Vec::new(), counts: [0; 3], others: Vec::new() };
+    for (line, content) in logical_lines(text) {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        match keyword {
+            "v" => {
+                let ([x, y, z, w, ..], n) = numbers::<8>(rest).map_err(fail)?;
+                let p = Vec3::new(x, y, z);
+                // More than four are colours.
+                let p = match n {
+                    0..=2 => return Err(fail(format!("needs 3 numbers, got {n}"))),
+                    4 if w == 0.0 => return Err(fail("the weight (4th number) must not be 0".into())),
+                    4 => p / w,
+                    _ => p,
+                };
+                if n == 4 {
+                    push(out, format_args!("v {} {} {}\n", p.x, p.y, p.z));
+                } else {
+                    push_words(out, keyword, rest, 3);
+                }
+                found.positions.push(p);
+                found.counts[0] += 1;
+            }
+            "vt" => {
+                let (_, n) = numbers::<3>(rest).map_err(fail)?;
+                match n {
+                    0 => return Err(fail("needs 1 to 3 numbers, got 0".into())),
+                    1 => push_words(out, keyword, &format!("{} 0", without_comment(rest)), 2),
+                    _ => push_words(out, keyword, rest, 2),
+                }
+                found.counts[1] += 1;
+            }
+            "vn" => {
+                let (_, n) = numbers::<3>(rest).map_err(fail)?;
+                if n < 3 {
+                    return Err(fail(format!("needs 3 numbers, got {n}")));
+                }
+                push_words(out, keyword, rest, 3);
+                found.counts[2] += 1;
+            }
+            _ => found.others.push((line, found.counts, content)),
+        }
+    }
+    Ok(found)
+}
+
+/// Appends a line of the first `n` words of `rest`, which are numbers.
+fn push_words(out: &mut String, keyword: &str, rest: &str, n: usize) {
+    out.push_str(keyword);
+    for word in without_comment(rest).split_whitespace().take(n) {
+        out.push(' ');
+        out.push_str(word);
+    }
+    out.push('\n');
+}
+
+/// Appends to a string, which does not fail.
+fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
+    let _ = out.write_fmt(arguments);
+}
+
+/// What the indices of a corner name.
+const WHAT: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// One corner `v/vt/vn` of a face as indices from 0. Texture coordinates and
+/// normals of which the file has none count as not given; `absent` hears of them.
+fn corner(
+    word: &str,
+    before: &Counts,
+    total: &Counts,
+    mut absent: impl FnMut(&'static str),
+) -> Result<[Option<usize>; 3], String> {
+    let mut out = [None; 3];
+    if word.split('/').count() > out.len() {
+        return Err(format!("`{word}` has more than 3 indices"));
+    }
+    if word.starts_with('/') {
+        return Err(format!("`{word}` names no vertex"));
+    }
+    for (i, text) in word.split('/').enumerate() {
+        if text.is_empty() {
+            continue;
+        }
+        let index: i64 = text.parse().map_err(|_| format!("`{word}` is not an index"))?;
+        if i > 0 && total[i] == 0 {
+            absent(WHAT[i]);
+            continue;
+        }
+        let from_0 = match index {
+            0 => return Err(format!("`{word}`: indices begin at 1")),
+            1.. => usize::try_from(index - 1).ok(),
+            _ => usize::try_from(index.unsigned_abs()).ok().and_then(|back| before[i].checked_sub(back)),
+        };
+        let from_0 = from_0.filter(|&k| k < total[i]).ok_or_else(|| {
+            let known = if index < 0 { before[i] } else { total[i] };
+            let so_far = if index < 0 { " so far" } else { "" };
+            format!("{} {index} does not exist: the file has {known}{so_far}", WHAT[i])
+        })?;
+        out[i] = Some(from_0);
+    }
+    Ok(out)
+}
+
+/// Checks an OBJ and makes it plain.
+///
+/// # Errors
+/// With the first line that cannot be understood.
+pub fn plain_obj(text: &str) -> Result<PlainObj, LineError> {
+    let mut out = PlainObj { text: String::with_capacity(text.len()), ..PlainObj::default() };
+    out.text.push_str("mtllib all\nvt 0 0\nvn 0 0 0\n");
+    let Vertices { positions, counts: total, others } = vertices(text, &mut out.text)?;
+    let mut part = Part::default();
+    let mut ids: HashMap<Part, usize> = HashMap::new();
+    let mut is_new_part = true;
+    let mut digits = itoa::Buffer::new();
+    for (line, before, content) in others {
+        let (keyword, rest) = split_keyword(&content);
+        let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
+        match keyword {
+            "o" => {
+                let object = (!rest.is_empty()).then(|| rest.to_owned());
+                part = Part { object, groups: Vec::new() };
+                is_new_part = true;
+            }
+            "g" => {
+                part.groups = rest.split_whitespace().map(str::to_owned).collect();
+                if part.groups.len() > 1 {
+                    part.groups.push(rest.to_owned());
+                }
+                is_new_part = true;
+            }
+            "mtllib" => out.libraries.push((line, rest.to_owned())),
+            "usemtl" => {
+                if !rest.is_empty() && !out.materials.iter().any(|(_, m)| m == rest) {
+                    out.materials.push((line, rest.to_owned()));
+                }
+                // `tobj` takes an unknown name for none.
+                let name = if rest.is_empty() { "(none)" } else { rest };
+                push(&mut out.text, format_args!("usemtl {name}\n"));
+            }
+            "f" | "fo" => {
+                let absent = &mut out.absent;
+                let mut note = |what| {
+                    if !absent.iter().any(|(_, known)| *known == what) {
+                        absent.push((line, what));
+                    }
+                };
+                let corners = without_comment(rest)
+                    .split_whitespace()
+                    .map(|word| corner(word, &before, &total, &mut note).map_err(fail))
+                    .collect::<Result<Vec<_>, _>>()?;
+                if corners.len() < 3 {
+                    out.n_short += 1;
+                    continue;
+                }
+                if is_new_part {
+                    let n = ids.len();
+                    let id = *ids.entry(part.clone()).or_insert(n);
+                    if id == n {
+                        out.parts.push(part.clone());
+                    }
+                    push(&mut out.text, format_args!("o {id}\n"));
+                    is_new_part = false;
+                }
+                let polygon: Vec<Vec3> = corners.iter().map(|c| positions[c[0].unwrap_or(0)]).collect();
+                for t in triangulate(&polygon) {
+                    out.text.push('f');
+                    for [v, vt, vn] in t.map(|i| corners[i]) {
+                        // Number 1 stands for absent: see `PlainObj::text`.
+                        let n = |i: Option<usize>| i.map_or(1, |i| i + 2);
+                        for (separator, index) in [(' ', v.unwrap_or(0) + 1), ('/', n(vt)), ('/', n(vn))] {
+                            out.text.push(separator);
+                            out.text.push_str(digits.format(index));
+                        }
+                    }
+                    out.text.push('\n');
+                }
+            }
+            "curv" | "curv2" | "surf" | "call" if !out.unsupported.iter().any(|(_, k)| k == keyword) => {
+                out.unsupported.push((line, keyword.to_owned()));
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+/// Triangles of a polygon: a fan when it is convex, otherwise ears.
+fn triangulate(p: &[Vec3]) -> Vec<[usize; 3]> {
+    let n = p.len();
+    let fan = || (2..n).map(|i| [0, i - 1, i]).collect();
+    if n == 3 {
+        return fan();
+    }
+    // Newell's method: the normal of the least-squares plane.
+    let normal: Vec3 = (0..n).map(|i| p[i].cross(p[(i + 1) % n])).sum();
+    let Some(axis) = normal.try_normalize() else { return fan() };
+    let (s, t) = axis.any_orthonormal_pair();
+    let flat: Vec<Vec2> = p.iter().map(|&q| Vec2::new((q - p[0]).dot(s), (q - p[0]).dot(t))).collect();
+    let turn = |a: usize, b: usize, c: usize| (flat[b] - flat[a]).perp_dot(flat[c] - flat[b]);
+    // Rounding bends straight edges a little; relative to the area.
+    let flatness = -1e-6 * normal.length();
+    if n > MAX_CONCAVE || (0..n).all(|i| turn((i + n - 1) % n, i, (i + 1) % n) >= flatness) {
+        return fan();
+    }
+    let mut left: Vec<usize> = (0..n).collect();
+    let mut out = Vec::with_capacity(n - 2);
+    while left.len() > 3 {
+        let m = left.len();
+        let around = |i: usize| [left[(i + m - 1) % m], left[i], left[(i + 1) % m]];
+        let is_ear = |&i: &usize| {
+            let [a, b, c] = around(i);
+            turn(a, b, c) > 0.0
+                && !left.iter().any(|&q| {
+                    ![a, b, c].contains(&q)
+                        && [flat[a], flat[b], flat[c]].iter().all(|&corner| corner != flat[q])
+                        && turn(a, b, q) >= 0.0
+                        && turn(b, c, q) >= 0.0
+                        && turn(c, a, q) >= 0.0
+                })
+        };
+        // A polygon that crosses itself may have no ear.
+        let ear = (0..m).find(is_ear).unwrap_or(0);
+        out.push(around(ear));
+        left.remove(ear);
+    }
+    out.push([left[0], left[1], left[2]]);
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(p: &[Vec3], triangles: &[[usize; 3]]) -> f32 {
+        triangles.iter().map(|t| 0.5 * (p[t[1]] - p[t[0]]).cross(p[t[2]] - p[t[0]]).length()).sum()
+    }
+
+    #[test]
+    fn concave_polygons_are_covered_once() {
+        let l = [(0., 0.), (4., 0.), (4., 1.), (1., 1.), (1., 3.), (0., 3.)];
+        for first in 0..l.len() {
+            let p: Vec<Vec3> =
+                (0..l.len()).map(|i| l[(i + first) % l.len()]).map(|(x, y)| Vec3::new(x, 5.0, y)).collect();
+            for p in [p.clone(), p.into_iter().rev().collect()] {
+                let t = triangulate(&p);
+                assert_eq!(t.len(), 4);
+                assert!((area(&p, &t) - 6.0).abs() < 1e-5, "{first}: {t:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_joined_numbered_and_cleaned() {
+        let lines: Vec<_> = logical_lines("\u{feff}# c\r\n\tv 1 \\\r\n 2 3\r\n\r\nf 1\\").collect();
+        let lines: Vec<_> =
+            lines.iter().map(|(n, l)| (*n, l.split_whitespace().collect::<Vec<_>>())).collect();
+        assert_eq!(lines, [(2, vec!["v", "1", "2", "3"]), (5, vec!["f", "1"])]);
+    }
+}

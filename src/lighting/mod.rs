@@ -1,0 +1,74 @@
+//! What a picture of a scene varies, and what steers its samples.
+//!
+//! A [`Lighting`] decides what a picture shows, a [`SamplingPlan`] only how noisy it is. Both are
+//! plain values beside a [`Scene`] that does not change, so that pictures of many lightings may be
+//! rendered side by side.
+
+mod plan;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    light::Light,
+    scene::{Material, Scene},
+};
+
+pub use plan::{SampleCounts, SamplingPlan};
+
+/// What varies between pictures of a scene. Lights are in the scene's order.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lighting {
+    /// Radiance per light: W·m⁻²·sr⁻¹, W·sr⁻¹ of a point, W·m⁻² of a distant light, per unit of its
+    /// colour.
+    pub radiance: Vec<f64>,
+    /// Factor on the unit extents per light; without effect where a light has no size.
+    pub size: Vec<f64>,
+    /// Factor on the base colour of the background's materials.
+    pub value: f64,
+    /// Factor on luminance before display encoding.
+    pub exposure: f64,
+}
+
+impl Lighting {
+    /// The lighting that the scene's author gave it, the background at value 1.
+    #[must_use]
+    pub fn authored(scene: &Scene) -> Self {
+        Self {
+            radiance: scene.lights.iter().map(|l| f64::from(l.radiance)).collect(),
+            size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
+            value: 1.0,
+            exposure: f64::from(scene.exposure),
+        }
+    }
+
+    /// The same lighting with every light at radiance 1.
+    #[must_use]
+    pub fn at_unit_radiance(&self) -> Self {
+        Self { radiance: vec![1.0; self.radiance.len()], ..self.clone() }
+    }
+
+    /// The scene's lights with this lighting's radiances and sizes in the place of the author's.
+    #[must_use]
+    pub fn lights(&self, scene: &Scene) -> Vec<Light> {
+        let settings = self.radiance.iter().zip(&self.size);
+        let lit = |(light, (&l, &s)): (&Light, (&f64, &f64))| Light {
+            radiance: l as f32,
+            size: s as f32,
+            ..light.clone()
+        };
+        scene.lights.iter().zip(settings).map(lit).collect()
+    }
+
+    /// The scene's materials with the background's value multiplied into their base colours.
+    #[must_use]
+    pub fn materials(&self, scene: &Scene) -> Vec<Material> {
+        let scaled = |(i, m): (usize, &Material)| m.scaled(scene.value_of(i, self.value as f32));
+        scene.materials.iter().enumerate().map(scaled).collect()
+    }
+
+    /// Number of lights.
+    #[must_use]
+    pub fn n_lights(&self) -> usize {
+        self.radiance.len()
+    }
+}

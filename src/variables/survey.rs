@@ -1,0 +1,317 @@
+//! The pre-computation step: bounds and start of the free variables by stated
+//! formulas, from the geometry and from one render of each light alone.
+//!
+//! * sizes: [`super::bounds`], narrowed by the sidecar's `size_range`;
+//! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
+//!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
+//! * `L_max`: [`HEADROOM`] times the radiance at which the light alone, at its
+//!   initial size, shows what it lights at [`BRIGHT`]: the mean of display
+//!   luminance, each pixel weighted by the luminance it receives;
+//! * neutral start: every light contributes the same mean luminance, and
+//!   together they bring the picture's mean display luminance to [`START`];
+//! * matched starts: the object's mean display luminance is the target's, by
+//!   all lights alike or by one light alone, and the background's value is
+//!   what brings the background nearest to its own target.
+
+use rayon::prelude::*;
+
+use super::{
+    FreeKinds, Kind, MatchedStart, Owner, ParamVector, Range, Variable, VariableKind, Wishes, bounds,
+};
+use crate::{
+    film::Picture,
+    integrator::View,
+    lighting::Lighting,
+    math::display::{LuminanceMode, luminance as luminance_of},
+    scene::Scene,
+};
+
+/// Display luminance of what a light lights when it is taken to be white.
+pub const BRIGHT: f64 = 0.9;
+/// `L_max` over the radiance that reaches [`BRIGHT`].
+pub const HEADROOM: f64 = 4.0;
+/// Mean display luminance of the start.
+pub const START: f64 = 0.35;
+/// Distance of a matched start from every bound, in the optimiser's units: a
+/// search that begins on a bound is slow to leave it.
+pub const OFF_BOUND: f64 = 0.04;
+/// Least value factor of the background.
+pub const MIN_VALUE: f32 = 0.05;
+/// Largest albedo that a value factor may give a background material.
+pub const MAX_ALBEDO: f32 = 0.95;
+/// Largest value factor of the background.
+pub const MAX_VALUE: f32 = 4.0;
+
+/// Halvings of the exponent's range in which a gain is sought: to a millionth of it.
+const BISECTIONS: u32 = 27;
+
+/// A scene leaves nothing to optimise.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum SurveyError {
+    #[error("the scene has no lights; add [[lights]] to its sidecar, or a material that emits")]
+    NoLights,
+    #[error("nothing is free: allow radiance, size or background with --free, or `free` in the sidecar")]
+    NothingFree,
+    #[error("light `{light}` does not light the picture; move it or turn it")]
+    LightsNothing { light: String },
+    #[error("light `{light}` is within {distance:.3} of a surface at any size; move it away")]
+    NoRoom { light: String, distance: f32 },
+}
+
+/// Least and largest size of a light; `None` without size.
+pub type SizeBounds = Option<[f32; 2]>;
+
+/// A scene's lighting brought within the bounds that its geometry sets.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The author's lighting with every size within its bounds, and the background at value 1 or
+    /// the largest that it may take.
+    pub lighting: Lighting,
+    /// Least and largest size per light; `None` for a light without size.
+    pub sizes: Vec<SizeBounds>,
+    /// Least and largest value of the background; `None` without background.
+    pub value_range: Option<[f32; 2]>,
+    /// What had to change, in words.
+    pub notes: Vec<String>,
+}
+
+impl Fitted {
+    /// Clears room for every light, narrowing its size to what the geometry and a camera allow.
+    ///
+    /// # Errors
+    /// When there are no lights, or one touches a surface at any size.
+    pub fn new(view: View, authored: &Lighting, wishes: &Wishes) -> Result<Self, SurveyError> {
+        let scene = view.scene;
+        if scene.lights.is_empty() {
+            return Err(SurveyError::NoLights);
+        }
+        let found: Vec<SizeBounds> =
+            scene.lights.par_iter().map(|light| bounds::size_range(view, light)).collect();
+        let value_range = value_range(scene, wishes.value_range);
+        let value = value_range.map_or(1.0, |[_, largest]| 1.0_f32.min(largest));
+        let mut fitted = Self {
+            lighting: Lighting { value: f64::from(value), ..authored.clone() },
+            sizes: Vec::new(),
+            value_range,
+            notes: Vec::new(),
+        };
+        for (i, found) in found.into_iter().enumerate() {
+            let range = found.map(|found| fitted.fit_size(scene, i, found, wishes.lights[i].size_range));
+            fitted.sizes.push(range.transpose()?);
+        }
+        Ok(fitted)
+    }
+
+    /// Brings the size of light `i` within what the geometry allows (`found`) and the author wants.
+    fn fit_size(
+        &mut self,
+        scene: &Scene,
+        i: usize,
+        [lo, hi]: [f32; 2],
+        wanted: Option<[f32; 2]>,
+    ) -> Result<[f32; 2], SurveyError> {
+        let name = &scene.lights[i].name;
+        if hi.is_nan() || hi <= 1e-4 {
+            return Err(SurveyError::NoRoom { light: name.clone(), distance: hi });
+        }
+        let range = match wanted {
+            None => [lo, hi],
+            Some([a, b]) if b <= hi => [a, b],
+            Some([a, b]) => {
+                self.notes.push(format!(
+                    "light `{name}`: size {b} cuts geometry or covers the main object; at most {hi:.3}"
+                ));
+                [a.min(hi), hi]
+            }
+        };
+        let before = self.lighting.size[i] as f32;
+        let size = before.clamp(range[0], range[1]);
+        if size != before {
+            self.notes.push(format!("light `{name}`: size {before} set to {size:.3}"));
+        }
+        self.lighting.size[i] = f64::from(size);
+        Ok(range)
+    }
+
+    /// Largest value of the background; 1 without background.
+    #[must_use]
+    pub fn largest_value(&self) -> f32 {
+        self.value_range.map_or(1.0, |[_, largest]| largest)
+    }
+}
+
+/// Bounds of the background's value factor, those that are `wanted` or else by the formulas of this
+/// module; `None` without background.
+fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
+    let brightest = scene.background_albedo();
+    if brightest <= 0.0 {
+        return None;
+    }
+    let cap = (1.0 / brightest).min(MAX_VALUE);
+    Some(match wanted {
+        Some([lo, hi]) => [lo.min(cap), hi.min(cap)],
+        None => [MIN_VALUE, (MAX_ALBEDO / brightest).clamp(1.0, cap.max(1.0)).min(cap)],
+    })
+}
+
+/// The gain at which the mean display luminance of `y`, weighted by `weight`
+/// of each value, is `target`; by bisection in the exponent.
+fn gain_for(y: &[f64], weight: impl Fn(f64) -> f64, target: f64, exposure: f64, mode: LuminanceMode) -> f64 {
+    let weights: Vec<f64> = y.iter().map(|&y| weight(y)).collect();
+    let total: f64 = weights.iter().sum();
+    let (mut shown, mut slopes) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    let mut display = |gain: f64| {
+        mode.encode_all(y, exposure * gain, &mut shown, &mut slopes);
+        weights.iter().zip(&shown).map(|(w, l)| w * l).sum::<f64>() / total
+    };
+    let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
+    for _ in 0..BISECTIONS {
+        let mid = 0.5 * (lo + hi);
+        if display(mid.exp2()) < target {
+            lo = mid;
+        } else {
+            hi = mid;
+        }
+    }
+    hi.exp2()
+}
+
+/// How bright the picture of each light alone is, from which bounds and starts follow.
+#[derive(Clone, Debug)]
+pub struct Survey<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its lighting within bounds.
+    pub fitted: &'a Fitted,
+    /// What the scene's author wishes.
+    pub wishes: &'a Wishes,
+    /// What may vary in this run.
+    pub free: &'a FreeKinds,
+    /// Measure of luminance.
+    pub luminance: LuminanceMode,
+    /// Linear luminance per light and pixel at radiance 1.
+    images: Vec<Vec<f64>>,
+    /// Mean of `images` per light.
+    pub means: Vec<f64>,
+    /// Radiance per light at which it shows what it lights at [`BRIGHT`].
+    pub bright: Vec<f64>,
+    /// Radiance of light l in the neutral start, times its mean.
+    gain: f64,
+}
+
+impl<'a> Survey<'a> {
+    /// Looks at `unit`, a render with every light at radiance 1 and its fitted size.
+    #[must_use]
+    pub fn new(
+        scene: &'a Scene,
+        fitted: &'a Fitted,
+        wishes: &'a Wishes,
+        free: &'a FreeKinds,
+        luminance: LuminanceMode,
+        unit: &Picture,
+    ) -> Self {
+        let exposure = fitted.lighting.exposure;
+        let images: Vec<Vec<f64>> =
+            unit.lights.iter().map(|l| l.iter().map(|&rgb| luminance_of(rgb)).collect()).collect();
+        let means: Vec<f64> = images.iter().map(|y| y.iter().sum::<f64>() / y.len() as f64).collect();
+        let alike: Vec<f64> = (0..unit.rgb.len())
+            .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
+            .collect();
+        let gain = gain_for(&alike, |_| 1.0, START, exposure, luminance);
+        let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, luminance));
+        let bright = bright.collect();
+        Self { scene, fitted, wishes, free, luminance, images, means, bright, gain }
+    }
+
+    /// Whether a kind of variable is free for a light, both in this run and in the author's wishes.
+    #[must_use]
+    pub fn is_free(&self, kind: &dyn Kind, light: usize) -> bool {
+        self.free.contains(kind.keyword()) && self.wishes.lights[light].free.contains(kind.keyword())
+    }
+
+    /// Radiance of a light in the neutral start.
+    #[must_use]
+    pub fn neutral_radiance(&self, light: usize) -> f64 {
+        self.gain / self.means[light]
+    }
+
+    /// The variable of a kind that a light has, or the scene.
+    fn variable(&self, kind: VariableKind, light: usize) -> Option<Variable> {
+        let Range { unit, lower, upper, initial, scale } = kind.range(self, light)?;
+        let name = kind.variable_name(&self.scene.lights[light].name);
+        Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
+    }
+
+    /// The variables of a run.
+    ///
+    /// # Errors
+    /// When a light of the sidecar, or every light, reaches no pixel, or nothing is free.
+    pub fn variables(&self) -> Result<ParamVector, SurveyError> {
+        let Self { scene, means, wishes, .. } = self;
+        // One that the scene file happens to have is left as it is, unless there is no other.
+        let is_needed = |i: usize| !wishes.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
+        if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
+            return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
+        }
+        let mut variables = Vec::new();
+        for light in (0..means.len()).filter(|&l| means[l] > 0.0) {
+            let of_light = VariableKind::all().filter(|kind| kind.owner() == Owner::Light);
+            variables.extend(of_light.filter_map(|kind| self.variable(kind, light)));
+        }
+        let of_scene = VariableKind::all().filter(|kind| kind.owner() != Owner::Light);
+        variables.extend(of_scene.filter_map(|kind| self.variable(kind, 0)));
+        if variables.is_empty() {
+            return Err(SurveyError::NothingFree);
+        }
+        Ok(ParamVector { variables })
+    }
+
+    /// Where a search may begin, in the optimiser's units, each with a name: the
+    /// neutral start first, then the matched ones.
+    ///
+    /// * `mask`: the main object, over the pixels of the render surveyed
+    /// * `t_object`, `t_background`: target means of display luminance
+    #[must_use]
+    pub fn starts(
+        &self,
+        mask: &[bool],
+        variables: &ParamVector,
+        targets: [f64; 2],
+    ) -> Vec<(String, Vec<f64>)> {
+        let lights: Vec<usize> = (0..self.images.len()).filter(|&l| self.means[l] > 0.0).collect();
+        let alone = lights.iter().map(|&l| (format!("`{}` alone", self.scene.lights[l].name), vec![l]));
+        let matched: Vec<(String, Vec<usize>)> =
+            std::iter::once(("all lights alike, matched".to_owned(), lights.clone())).chain(alone).collect();
+        let first = ("all lights alike".to_owned(), variables.start());
+        let matched = matched.into_par_iter().map(|(name, lit)| {
+            let start = self.matched(&lit, mask, targets);
+            let at =
+                |v: &Variable| v.encode(v.kind.matched_start(v, &start)).clamp(OFF_BOUND, 1.0 - OFF_BOUND);
+            (name, variables.variables.iter().map(at).collect())
+        });
+        std::iter::once(first).chain(matched.collect::<Vec<_>>()).collect()
+    }
+
+    /// The start at which the lights `lit`, contributing alike, give the object of `mask` its
+    /// target mean.
+    fn matched<'l>(
+        &self,
+        lit: &'l [usize],
+        mask: &[bool],
+        [t_object, t_background]: [f64; 2],
+    ) -> MatchedStart<'l> {
+        let total: Vec<f64> =
+            (0..mask.len()).map(|p| lit.iter().map(|&l| self.images[l][p] / self.means[l]).sum()).collect();
+        let of = |main: bool| -> Vec<f64> {
+            total.iter().zip(mask).filter(|(_, m)| **m == main).map(|(y, _)| *y).collect()
+        };
+        let gain_to = |image: &[f64], target| {
+            gain_for(image, |_| 1.0, target, self.fitted.lighting.exposure, self.luminance)
+        };
+        let gain = gain_to(&of(true), t_object);
+        // The background's luminance is about proportional to its value.
+        let value = gain_to(&of(false), t_background) / gain;
+        MatchedStart { lit, radiance: self.means.iter().map(|m| gain / m).collect(), value }
+    }
+}

@@ -1,0 +1,189 @@
+//! A free variable, and all of a run.
+
+use serde::{Deserialize, Serialize};
+
+use super::VariableKind;
+use crate::{
+    lighting::Lighting,
+    math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
+    transport::LightingGradient,
+};
+
+/// How `u ∈ [0, 1]` maps to a value between the bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scale {
+    /// Proportional.
+    Linear,
+    /// In equal ratios: `lower·(upper/lower)^u`, for a positive lower bound.
+    Logarithmic,
+    /// By the sRGB transfer function: even steps look even, and the slope at
+    /// the lower bound is not zero, so that a light that is off can come on.
+    Perceptual,
+}
+
+/// Bounds, start and scale of a variable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Least value.
+    pub lower: f64,
+    /// Largest value.
+    pub upper: f64,
+    /// Value at the start.
+    pub initial: f64,
+    /// Map from the optimiser's unit interval.
+    pub scale: Scale,
+}
+
+/// A free variable.
+#[derive(Clone, Debug, Serialize)]
+pub struct Variable {
+    /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
+    pub name: String,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Least value.
+    pub lower: f64,
+    /// Largest value.
+    pub upper: f64,
+    /// Value at the start.
+    pub initial: f64,
+    /// Map from the optimiser's unit interval.
+    pub scale: Scale,
+    /// What it changes.
+    #[serde(skip)]
+    pub kind: VariableKind,
+    /// Index of the light that it belongs to; 0 for a variable of the scene.
+    #[serde(skip)]
+    pub light: usize,
+}
+
+impl Variable {
+    /// Value at `u ∈ [0, 1]`.
+    #[must_use]
+    pub fn decode(&self, u: f64) -> f64 {
+        let t = match self.scale {
+            Scale::Linear => u,
+            Scale::Perceptual => eotf_srgb(u),
+            Scale::Logarithmic => return self.lower * (self.upper / self.lower).powf(u),
+        };
+        self.lower + (self.upper - self.lower) * t
+    }
+
+    /// Derivative of [`Self::decode`].
+    #[must_use]
+    pub fn slope(&self, u: f64) -> f64 {
+        match self.scale {
+            Scale::Linear => self.upper - self.lower,
+            Scale::Perceptual => (self.upper - self.lower) * eotf_srgb_derivative(u),
+            Scale::Logarithmic => self.decode(u) * self.ratio(),
+        }
+    }
+
+    fn ratio(&self) -> f64 {
+        (self.upper / self.lower).ln()
+    }
+
+    /// The `u` of a value, cut to [0, 1].
+    #[must_use]
+    pub fn encode(&self, value: f64) -> f64 {
+        if self.upper <= self.lower {
+            return 0.0;
+        }
+        let t = ((value - self.lower) / (self.upper - self.lower)).clamp(0.0, 1.0);
+        match self.scale {
+            Scale::Linear => t,
+            Scale::Perceptual => oetf_srgb(t),
+            Scale::Logarithmic => (value / self.lower).max(1.0).ln().min(self.ratio()) / self.ratio(),
+        }
+    }
+}
+
+/// All free variables of a run.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
+pub struct ParamVector {
+    /// In the order of the optimiser's components.
+    pub variables: Vec<Variable>,
+}
+
+impl ParamVector {
+    /// Number of variables.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.variables.len()
+    }
+
+    /// Whether nothing is free.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.variables.is_empty()
+    }
+
+    /// The start, in the optimiser's units.
+    #[must_use]
+    pub fn start(&self) -> Vec<f64> {
+        self.variables.iter().map(|v| v.encode(v.initial)).collect()
+    }
+
+    /// Values at `u`.
+    #[must_use]
+    pub fn decode(&self, u: &[f64]) -> Vec<f64> {
+        self.variables.iter().zip(u).map(|(v, &u)| v.decode(u)).collect()
+    }
+
+    /// Values by name, in order.
+    #[must_use]
+    pub fn named(&self, values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
+        self.variables.iter().zip(values).map(|(v, &x)| (v.name.clone(), x.into())).collect()
+    }
+
+    /// The lighting `x` with the values.
+    #[must_use]
+    pub fn lighting(&self, mut x: Lighting, values: &[f64]) -> Lighting {
+        for (v, &value) in self.variables.iter().zip(values) {
+            *v.kind.value(&mut x, v.light) = value;
+        }
+        x
+    }
+
+    /// Turns the gradient of a number by the lighting at `u` into that by `u`.
+    pub fn pull_back(&self, u: &[f64], by_lighting: &LightingGradient, gradient: &mut [f64]) {
+        for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
+            *g = v.kind.derivative(by_lighting, v.light) * v.slope(u);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_invert_and_a_light_that_is_off_can_come_on() {
+        for (scale, lower) in [(Scale::Linear, 0.0), (Scale::Perceptual, 0.0), (Scale::Logarithmic, 0.5)] {
+            let v = Variable {
+                name: "a".into(),
+                unit: "",
+                lower,
+                upper: 8.0,
+                initial: 1.0,
+                scale,
+                kind: VariableKind::named("background").unwrap(),
+                light: 0,
+            };
+            for i in 0..=10 {
+                let u = f64::from(i) / 10.0;
+                assert!((v.encode(v.decode(u)) - u).abs() < 1e-12);
+            }
+            assert_eq!((v.decode(0.0), v.decode(1.0)), (lower, 8.0));
+            assert!((v.decode(1e-6) - lower) / 1e-6 > 0.05 * 8.0);
+            for u in [0.01, 0.3, 0.8] {
+                let difference = (v.decode(u + 1e-6) - v.decode(u - 1e-6)) / 2e-6;
+                assert!((v.slope(u) / difference - 1.0).abs() < 1e-6, "{scale:?} {u}");
+            }
+        }
+    }
+}
