@@ -3,8 +3,6 @@
 //! At equal flux a larger light has a lower radiance: what changes along a column of the
 //! figure is the softness of the shadows, along a row the brightness.
 
-use std::f64::consts::PI;
-
 use glam::UVec2;
 
 use super::{
@@ -14,13 +12,13 @@ use super::{
 use crate::{
     film::Picture,
     integrator::{Integrator, Observer, RenderError, View, aov},
-    light::{Light, Outline, Shape, SizeDensity},
+    light::{Light, Outline, SizeDensity},
     lighting::{Lighting, SamplingPlan},
     math::display::{LuminanceMode, luminance},
     sampler::SamplerKind,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
-    variables::{Fitted, SurveyError, Wishes},
+    variables::{Fitted, SurveyError, Wishes, survey::gain_for},
 };
 
 /// Sizes from the least, each twice the one before, and where among them the fluxes are
@@ -63,33 +61,16 @@ pub struct Settings {
     pub seed: u64,
 }
 
-/// Flux at radiance 1 and size 1: π times the surface that emits, m².
-fn emission(light: &Light) -> Option<f64> {
-    match &light.shape {
-        Shape::Planar(p) if p.cone.is_none() => Some(
-            PI * match p.outline {
-                Outline::Rectangle { a, b } => 4.0 * f64::from(a) * f64::from(b),
-                Outline::Disk { r } => PI * f64::from(r).powi(2),
-            },
-        ),
-        Shape::Sphere(s) => Some(PI * 4.0 * PI * f64::from(s.radius).powi(2)),
-        _ => None,
-    }
-}
-
 /// Extent of a light of a size, in words.
 fn extent(light: &Light, size: f64) -> String {
     let cm = |half: f32| {
         let full = 200.0 * f64::from(half) * size;
         if full < 10.0 { format!("{full:.1}") } else { format!("{full:.0}") }
     };
-    match &light.shape {
-        Shape::Planar(p) => match p.outline {
-            Outline::Rectangle { a, b } => format!("{} × {} cm", cm(a), cm(b)),
-            Outline::Disk { r } => format!("⌀ {} cm", cm(r)),
-        },
-        Shape::Sphere(s) => format!("⌀ {} cm", cm(s.radius)),
-        _ => String::new(),
+    match light.resizable().map(|shape| shape.outline()) {
+        Some(Outline::Rectangle { a, b }) => format!("{} × {} cm", cm(a), cm(b)),
+        Some(Outline::Disk { r }) => format!("⌀ {} cm", cm(r)),
+        None => String::new(),
     }
 }
 
@@ -121,7 +102,7 @@ impl OneLight {
             .iter()
             .zip(&sizes)
             .enumerate()
-            .filter_map(|(l, (light, size))| Some((l, emission(light)?, (*size)?)))
+            .filter_map(|(l, (light, size))| Some((l, f64::from(light.unit_power(1.0)), (*size)?)))
             .collect();
         let key = suitable.iter().find(|s| scene.lights[s.0].name == "key");
         let &(light, unit, [least, most]) = key.or(suitable.first()).ok_or(FluxError::NoLight)?;
@@ -194,21 +175,10 @@ pub fn grid(
     })
 }
 
-/// The gain at which the mean display luminance is [`WELL_LIT`].
+/// The gain at which the mean display luminance is [`WELL_LIT`]; `None` of a black picture.
 fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
-    if y.iter().sum::<f64>() <= 0.0 {
-        return None;
-    }
-    let mean = |gain: f64| {
-        let sum: f64 = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, exposure)).sum();
-        sum / y.len() as f64
-    };
-    let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
-    for _ in 0..60 {
-        let middle = 0.5 * (lo + hi);
-        if mean(middle.exp2()) < WELL_LIT { lo = middle } else { hi = middle }
-    }
-    Some(hi.exp2())
+    let is_lit = y.iter().sum::<f64>() > 0.0;
+    is_lit.then(|| gain_for(y, |_| 1.0, WELL_LIT, exposure, LuminanceMode::Srgb))
 }
 
 #[cfg(test)]
@@ -220,7 +190,7 @@ mod tests {
         let y = [0.2, 0.4, 0.1];
         let gain = well_lit(&y, 2.0).unwrap();
         let mean = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, 2.0)).sum::<f64>() / 3.0;
-        assert!((mean - WELL_LIT).abs() < 1e-9);
+        assert!((mean - WELL_LIT).abs() < 1e-6);
         assert_eq!(well_lit(&[0.0], 1.0), None);
     }
 }

@@ -81,7 +81,7 @@ impl Sweep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::mesh::face_normal;
+    use crate::{math::Bounds, scene::mesh::face_normal};
 
     #[test]
     fn the_sweep_is_as_large_as_it_should_and_faces_the_subject() {
@@ -96,10 +96,7 @@ mod tests {
         };
         let mut mesh = Mesh::default();
         sweep.append(&mut mesh, 0, 0);
-        let (lo, hi) = mesh
-            .positions
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(*p), hi.max(*p)));
+        let Bounds { lo, hi } = mesh.bounds();
         assert!((lo - Vec3::new(-1.0, 2.0, 0.0)).length() < 1e-5, "{lo}");
         assert!((hi - Vec3::new(5.0, 7.0, 6.0)).length() < 1e-5, "{hi}");
         for (t, corners) in mesh.indices.iter().enumerate() {

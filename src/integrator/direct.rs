@@ -7,7 +7,7 @@
 use glam::Vec2;
 
 use super::Context;
-use crate::{light::LightId, sampler::Sampler};
+use crate::{light::LightId, math::sequence::PLASTIC, sampler::Sampler};
 
 /// A light to be sampled.
 pub(super) struct LightChoice {
@@ -25,15 +25,13 @@ impl<'a, const N: usize> Context<'a, N> {
         sampler: &mut Sampler,
         n_edges: usize,
     ) -> impl Iterator<Item = LightChoice> + use<'a, N> {
-        /// The plastic number's inverse: its multiples spread evenly.
-        const STEP: f32 = 0.754_877_7;
         let (shift, along) = (sampler.next_1d(), sampler.next_1d());
         let _spare = sampler.next_2d();
         let n = self.light_samples_at(n_edges);
         let lights = &self.plan.lights;
         (0..n).filter_map(move |i| {
             let (id, pmf, rest) = lights.sample((i as f32 + shift) / n as f32)?;
-            let u = Vec2::new(rest, (along + i as f32 * STEP).fract());
+            let u = Vec2::new(rest, (along + i as f32 * PLASTIC as f32).fract());
             Some(LightChoice { id, expected: pmf.0 * n as f32, u })
         })
     }

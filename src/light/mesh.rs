@@ -5,7 +5,7 @@ use std::{f32::consts::PI, fmt::Debug, sync::Arc};
 use glam::{Vec2, Vec3};
 
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
-use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, luminance, warp};
+use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, luminance, sequence::r2, warp};
 
 /// How emission varies over a surface.
 pub trait EmissionProfile: Debug + Send + Sync {
@@ -72,10 +72,9 @@ impl MeshLight {
         debug_assert!(triangles.is_sorted_by_key(|t| t.prim));
         let mean = |t: &EmissiveTriangle| {
             let Some(profile) = &profile else { return Rgb::ONE };
-            // The R2 sequence.
             let probe = |i: u32| {
-                let u = |step: f64| ((0.5 + f64::from(i) * step).fract()) as f32;
-                profile.emission(t.uv(warp::square_to_triangle(Vec2::new(u(0.754_877_67), u(0.569_840_29)))))
+                let [x, y] = r2(i).map(|v| v as f32);
+                profile.emission(t.uv(warp::square_to_triangle(Vec2::new(x, y))))
             };
             (0..N_PROBES).map(probe).sum::<Rgb>() / N_PROBES as f32
         };

@@ -26,6 +26,7 @@ mod environment;
 mod mesh;
 mod planar;
 mod point;
+mod resize;
 mod size;
 mod sphere;
 
@@ -37,6 +38,7 @@ pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
 pub use planar::{Cone, Outline, Planar};
 pub use point::Point;
+pub use resize::Resizable;
 pub use size::SizeDensity;
 pub use sphere::Sphere;
 
@@ -140,19 +142,39 @@ impl Light {
     /// Whether the light is a single position or direction: no ray can hit it.
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        matches!(self.shape, Shape::Point(_) | Shape::Distant(_))
+        match self.shape {
+            Shape::Point(_) | Shape::Distant(_) => true,
+            Shape::Planar(_) | Shape::Sphere(_) | Shape::Environment(_) | Shape::Mesh(_) => false,
+        }
     }
 
     /// Whether the light is infinitely far away.
     #[must_use]
     pub fn is_infinite(&self) -> bool {
-        matches!(self.shape, Shape::Distant(_) | Shape::Environment(_))
+        match self.shape {
+            Shape::Distant(_) | Shape::Environment(_) => true,
+            Shape::Planar(_) | Shape::Sphere(_) | Shape::Point(_) | Shape::Mesh(_) => false,
+        }
     }
 
     /// Whether the light has a size that can vary.
     #[must_use]
     pub fn has_size(&self) -> bool {
-        matches!(self.shape, Shape::Planar(_) | Shape::Sphere(_)) && !self.occludes
+        self.resizable().is_some()
+    }
+
+    /// What a light whose size may vary knows of its sizes; `None` for one that has no size, or
+    /// whose body of a fixed size stops rays.
+    #[must_use]
+    pub fn resizable(&self) -> Option<&dyn Resizable> {
+        if self.occludes {
+            return None;
+        }
+        match &self.shape {
+            Shape::Planar(s) => Some(s),
+            Shape::Sphere(s) => Some(s),
+            Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => None,
+        }
     }
 
     /// Unit of its radiance.
@@ -161,7 +183,7 @@ impl Light {
         match self.shape {
             Shape::Point(_) => "W/sr",
             Shape::Distant(_) => "W/m2",
-            _ => "W/m2/sr",
+            Shape::Planar(_) | Shape::Sphere(_) | Shape::Environment(_) | Shape::Mesh(_) => "W/m2/sr",
         }
     }
 
@@ -170,7 +192,7 @@ impl Light {
         match &mut self.shape {
             Shape::Distant(s) => s.scene = scene,
             Shape::Environment(s) => s.scene = scene,
-            _ => {}
+            Shape::Planar(_) | Shape::Sphere(_) | Shape::Point(_) | Shape::Mesh(_) => {}
         }
     }
 
@@ -216,7 +238,7 @@ impl Light {
         let t = match &self.shape {
             Shape::Planar(s) => s.stop(org, dir, self.size),
             Shape::Sphere(s) => s.stop(org, dir, self.size),
-            _ => None,
+            Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => None,
         }?;
         (t > 0.0 && t < t_max).then_some(t)
     }

@@ -8,7 +8,10 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Crossing, LightLeSample, LightLiSample, LightPoint, SizeDensity};
+use super::{
+    Crossing, LightLeSample, LightLiSample, LightPoint, Outline, Resizable, SizeDensity,
+    resize::point_triangle_distance,
+};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
 /// A spherical emitter.
@@ -113,5 +116,28 @@ impl Sphere {
     /// Power at unit radiance and size `s`, W.
     pub(super) fn power(&self, s: f32) -> f32 {
         4.0 * PI * PI * (self.radius * s).powi(2)
+    }
+}
+
+impl Resizable for Sphere {
+    fn outline(&self) -> Outline {
+        Outline::Disk { r: self.radius }
+    }
+
+    fn size_at_triangle(&self, corners: [Vec3; 3]) -> f32 {
+        point_triangle_distance(self.center, corners) / self.radius
+    }
+
+    fn size_at_point(&self, p: Vec3) -> f32 {
+        self.center.distance(p) / self.radius
+    }
+
+    fn size_at_ray(&self, org: Vec3, dir: Vec3, t_max: f32) -> f32 {
+        let oc = self.center - org;
+        let t = oc.dot(dir);
+        if t <= 0.0 || t >= t_max {
+            return f32::INFINITY;
+        }
+        (oc - dir * t).length() / self.radius
     }
 }

@@ -1,14 +1,17 @@
 //! The ground floor: colour, frames, densities, warps and statistics.
 
+pub mod bounds;
 pub mod display;
 pub mod frame;
 pub mod hash;
 pub mod node_rgb;
 pub mod pdf;
 pub mod rgb;
+pub mod sequence;
 pub mod stats;
 pub mod warp;
 
+pub use bounds::Bounds;
 pub use frame::Frame;
 pub use node_rgb::NodeRgb;
 pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};

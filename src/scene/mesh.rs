@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use glam::{Vec2, Vec3};
 
-use crate::{embree::MAX_COORDINATE, light::Surroundings};
+use crate::{embree::MAX_COORDINATE, light::Surroundings, math::Bounds};
 
 /// An indexed triangle mesh with per-triangle material and object.
 #[derive(Clone, Debug, Default)]
@@ -29,17 +29,19 @@ impl Mesh {
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
-}
 
-impl Mesh {
+    /// The box that holds all vertices, those that no triangle uses included.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(self.positions.iter().copied())
+    }
+
     /// The ball that holds all triangles, and how far away is outside of it for
     /// whoever is in it or at `camera`.
     #[must_use]
     pub fn surroundings(&self, camera: Vec3) -> Surroundings {
         let used = || self.indices.iter().flatten().map(|&i| self.positions[i as usize]);
-        let (lo, hi) =
-            used().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let center = 0.5 * (lo + hi);
+        let center = Bounds::of(used()).center();
         let radius = used().map(|p| p.distance(center)).fold(0.0, f32::max).max(1e-3) * 1.0001;
         Surroundings { center, radius, far: 3.0 * radius + camera.distance(center) }
     }

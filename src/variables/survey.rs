@@ -157,7 +157,14 @@ fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
 
 /// The gain at which the mean display luminance of `y`, weighted by `weight`
 /// of each value, is `target`; by bisection in the exponent.
-fn gain_for(y: &[f64], weight: impl Fn(f64) -> f64, target: f64, exposure: f64, mode: LuminanceMode) -> f64 {
+#[must_use]
+pub fn gain_for(
+    y: &[f64],
+    weight: impl Fn(f64) -> f64,
+    target: f64,
+    exposure: f64,
+    mode: LuminanceMode,
+) -> f64 {
     let weights: Vec<f64> = y.iter().map(|&y| weight(y)).collect();
     let total: f64 = weights.iter().sum();
     let (mut shown, mut slopes) = (vec![0.0; y.len()], vec![0.0; y.len()]);

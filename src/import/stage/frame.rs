@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::pieces::Bounds;
+use crate::math::Bounds;
 
 /// Diagonal field of view, degrees: a normal lens.
 const DIAGONAL_FOV: f32 = 42.0;

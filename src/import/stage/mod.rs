@@ -18,19 +18,18 @@ mod text;
 
 use glam::{Vec2, Vec3};
 
-use self::{
-    frame::View,
-    obstacles::Obstacles,
-    pieces::{Bounds, Subject},
-    rig::StagedLight,
-};
+use self::{frame::View, obstacles::Obstacles, pieces::Subject, rig::StagedLight};
 use super::{
     axes,
     backdrop::Sweep,
     imported::{Imported, ImportedCamera},
     sidecar::UpAxis,
 };
-use crate::{embree::EmbreeError, math::Rgb, scene::Mesh};
+use crate::{
+    embree::EmbreeError,
+    math::{Bounds, Rgb},
+    scene::Mesh,
+};
 
 /// Degrees to the right of +z from which a subject is seen.
 const AZIMUTH: f32 = 30.0;

@@ -4,7 +4,10 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-use crate::scene::mesh::{Mesh, face_normal};
+use crate::{
+    math::Bounds,
+    scene::mesh::{Mesh, face_normal},
+};
 
 /// Pieces above which nothing is grouped.
 const MAX_PIECES: usize = 3000;
@@ -35,41 +38,6 @@ const TOUCHING: f32 = 0.01;
 
 /// Groups of this size, in that of the largest, are as much the subject.
 const EQUAL: f32 = 0.6;
-
-/// An axis-aligned box.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Least corner.
-    pub lo: Vec3,
-    /// Largest corner.
-    pub hi: Vec3,
-}
-
-impl Bounds {
-    /// Of points; of none it is inside out.
-    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
-        let empty = Self { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
-        points.into_iter().fold(empty, |b, p| Self { lo: b.lo.min(p), hi: b.hi.max(p) })
-    }
-
-    fn union(self, other: Self) -> Self {
-        Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
-    }
-
-    /// Side lengths.
-    pub fn extent(&self) -> Vec3 {
-        self.hi - self.lo
-    }
-
-    /// Middle.
-    pub fn center(&self) -> Vec3 {
-        0.5 * (self.lo + self.hi)
-    }
-
-    fn touches(&self, other: &Self, gap: f32) -> bool {
-        (self.lo - gap).cmple(other.hi).all() && (other.lo - gap).cmple(self.hi).all()
-    }
-}
 
 /// What of a scene is its subject.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,7 +7,8 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{super::backdrop::Sweep, frame::View, obstacles::Obstacles, pieces::Bounds};
+use super::{super::backdrop::Sweep, frame::View, obstacles::Obstacles};
+use crate::math::Bounds;
 
 /// A light's shape; extents in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
