@@ -20,6 +20,9 @@ use crate::{
 const N_POINTS: u32 = 64;
 /// Evaluations of the descent of a term alone.
 const EVALUATIONS: u32 = 12;
+/// Largest component of the first trial step of that descent, as in those of f_q: without a limit a
+/// steep term jumps to the corner of the box and its few evaluations are spent on the way back.
+const FIRST_STEP: f64 = 0.1;
 /// A term that cannot come below this is worth a word.
 const NOTABLE: f64 = 0.02;
 
@@ -101,7 +104,11 @@ fn descend(evaluator: &Evaluator, term: Term, start: &[f64]) -> Option<Vec<f64>>
     let objective = evaluator.objective.only(term);
     let alone = Evaluator { objective: &objective, ..*evaluator };
     let smoothing = Smoothing::with_delta(5e-3);
-    let options = optim::Options { max_evaluations: Some(EVALUATIONS), ..Default::default() };
+    let options = optim::Options {
+        max_evaluations: Some(EVALUATIONS),
+        first_step: Some(FIRST_STEP),
+        ..Default::default()
+    };
     let (mut scratch, n) = (Scratch::of_descent(), start.len());
     let outcome = optim::minimize(start, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
         let f = alone.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);

@@ -180,25 +180,19 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
     ) -> Result<optim::Outcome, RunError> {
         let n = u.len();
         let smoothing = Smoothing::with_delta(restart.delta);
-        let first_step = restart.first_step;
-        let mut scale = None;
         let mut failure = None;
         let options = optim::Options {
             max_evaluations: Some(allowed),
             f_tol_abs: 1e-5,
             x_tol_abs: 1e-4,
+            first_step: Some(restart.first_step),
             ..Default::default()
         };
         let result = optim::minimize(u, &vec![0.0; n], &vec![1.0; n], &options, |u, gradient| {
             match self.evaluate(u, &smoothing) {
                 Ok((f, slopes)) => {
-                    let steepest = slopes.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
-                    let c =
-                        *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
-                    for (g, s) in gradient.iter_mut().zip(slopes) {
-                        *g = c * s;
-                    }
-                    ControlFlow::Continue(c * f)
+                    gradient.copy_from_slice(&slopes);
+                    ControlFlow::Continue(f)
                 }
                 Err(e) => {
                     failure = Some(e);

@@ -318,11 +318,11 @@ fn descend(
     let mut at = start.to_vec();
     for (delta, first_step) in STAGES {
         let smoothing = Smoothing::with_delta(delta);
-        let mut scale = None;
         let options = optim::Options {
             max_evaluations: Some(EVALUATIONS),
             f_tol_abs: 1e-6,
             x_tol_abs: 1e-5,
+            first_step: Some(first_step),
             ..Default::default()
         };
         let coordinates = Coordinates::around(&at, evaluator.variables);
@@ -333,10 +333,7 @@ fn descend(
             let u = &coordinates.to_cube(y);
             let f = evaluator.evaluate(u, &smoothing, Some(gradient), &mut scratch).unwrap_or(f64::NAN);
             coordinates.pull_back(y, u, gradient);
-            let steepest = gradient.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
-            let c = *scale.get_or_insert(if steepest > first_step { first_step / steepest } else { 1.0 });
-            gradient.iter_mut().for_each(|g| *g *= c);
-            ControlFlow::Continue(c * f)
+            ControlFlow::Continue(f)
         });
         match outcome {
             Ok(outcome) => at = coordinates.to_cube(&outcome.x),

@@ -57,6 +57,10 @@ pub struct Options {
     pub time_limit: Option<Duration>,
     /// Number of past steps that model the curvature, at least 1.
     pub memory: u32,
+    /// Largest component of the first trial step, which for [`Method::Lbfgs`] is `−∇f(x0)`: the
+    /// function that NLopt sees is scaled down where that is longer. Tolerances are those of the
+    /// function itself, whatever the scale.
+    pub first_step: Option<f64>,
 }
 
 impl Default for Options {
@@ -71,6 +75,7 @@ impl Default for Options {
             max_evaluations: None,
             time_limit: None,
             memory: 10, // [Nocedal80]: 3 to 20 do, and ours are few variables
+            first_step: None,
         }
     }
 }

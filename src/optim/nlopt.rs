@@ -16,8 +16,8 @@ use super::{
 ///
 /// `f(x, gradient)` returns the function and fills in all of its derivatives; it is never
 /// called outside the box. Bounds may be infinite, and equal where a variable is fixed. The
-/// first trial after `x0` is `x0 − ∇f`, cut at the first bound on the way: scale variables
-/// and function so that this is a sane step.
+/// first trial after `x0` is `x0 − ∇f`, cut at the first bound on the way: scale variables, and
+/// set [`Options::first_step`], so that this is a sane step.
 ///
 /// # Errors
 /// A problem that is not well posed, a value that is not finite, or an interrupt before the
@@ -44,8 +44,14 @@ where
         start: Instant::now(),
         x: x0.to_vec(),
         gradient: vec![0.0; x0.len()],
+        scale: 1.0,
+        start_value: None,
         tally: Tally::default(),
     });
+    if let Some(longest) = options.first_step {
+        search.borrow_mut().scale_first_step(x0, longest);
+    }
+    let f_tol_abs = options.f_tol_abs * search.borrow().scale;
     let mut x = x0.to_vec();
     let result = {
         let objective =
@@ -60,7 +66,7 @@ where
         // A finite value, so that −∞ is below it: how `call` stops a search. The crate's
         // `force_stop` needs the object that is busy searching.
         accepted(opt.set_stopval(f64::MIN), "set the stopping value")?;
-        accepted(opt.set_ftol_abs(options.f_tol_abs), "set f_tol_abs")?;
+        accepted(opt.set_ftol_abs(f_tol_abs), "set f_tol_abs")?;
         accepted(opt.set_ftol_rel(options.f_tol_rel), "set f_tol_rel")?;
         accepted(opt.set_xtol_abs1(options.x_tol_abs), "set x_tol_abs")?;
         accepted(opt.set_xtol_rel(options.x_tol_rel), "set x_tol_rel")?;
@@ -82,6 +88,10 @@ struct Search<'a, F> {
     start: Instant,
     x: Vec<f64>,
     gradient: Vec<f64>,
+    /// Factor on what NLopt sees of the function.
+    scale: f64,
+    /// The function at `x0`, whose gradient is in `gradient`, until NLopt has asked for it.
+    start_value: Option<f64>,
     tally: Tally,
 }
 
@@ -89,25 +99,43 @@ impl<F> Search<'_, F>
 where
     F: FnMut(&[f64], &mut [f64]) -> ControlFlow<Interrupt, f64>,
 {
+    /// Evaluates at the start and scales the function so that no component of the first trial step
+    /// is longer than `longest`.
+    fn scale_first_step(&mut self, x0: &[f64], longest: f64) {
+        self.start_value = self.try_evaluate(x0);
+        if self.start_value.is_some() {
+            let steepest = self.gradient.iter().fold(0.0_f64, |most, g| most.max(g.abs()));
+            self.scale = if steepest > longest { longest / steepest } else { 1.0 };
+        }
+    }
+
     /// Called by C: must not unwind. Once `end` is set it returns −∞ and a zero gradient,
     /// which ends the line search and then the search.
     fn call(&mut self, x: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        if self.tally.end.is_none() {
-            self.tally.end = match catch_unwind(AssertUnwindSafe(|| self.evaluate(x))) {
-                Ok(Ok(value)) => {
-                    if let Some(gradient) = gradient {
-                        gradient.copy_from_slice(&self.gradient);
-                    }
-                    return value;
-                }
-                Ok(Err(end)) => Some(end),
-                Err(payload) => Some(End::Panic(payload)),
-            };
-        }
+        let value = self.start_value.take().or_else(|| self.try_evaluate(x));
+        let Some(value) = value else {
+            if let Some(gradient) = gradient {
+                gradient.fill(0.0);
+            }
+            return f64::NEG_INFINITY;
+        };
         if let Some(gradient) = gradient {
-            gradient.fill(0.0);
+            gradient.iter_mut().zip(&self.gradient).for_each(|(to, g)| *to = self.scale * g);
         }
-        f64::NEG_INFINITY
+        self.scale * value
+    }
+
+    /// The function at `x`; `None`, and the reason in `end`, when the search is over.
+    fn try_evaluate(&mut self, x: &[f64]) -> Option<f64> {
+        if self.tally.end.is_some() {
+            return None;
+        }
+        self.tally.end = match catch_unwind(AssertUnwindSafe(|| self.evaluate(x))) {
+            Ok(Ok(value)) => return Some(value),
+            Ok(Err(end)) => Some(end),
+            Err(payload) => Some(End::Panic(payload)),
+        };
+        None
     }
 
     fn evaluate(&mut self, x: &[f64]) -> Result<f64, End> {
@@ -172,6 +200,7 @@ fn validate(x0: &[f64], lower: &[f64], upper: &[f64], options: &Options) -> Resu
         ("f_tol_rel", options.f_tol_rel),
         ("x_tol_abs", options.x_tol_abs),
         ("x_tol_rel", options.x_tol_rel),
+        ("first_step", options.first_step.unwrap_or(0.0)),
     ] {
         if !(got.is_finite() && got >= 0.0) {
             return Err(OptimError::Option { name, allowed: "a finite number >= 0", got });
@@ -217,6 +246,29 @@ mod tests {
         let o = minimize(&[0.2; 3], &[0.0; 3], &[1.0; 3], &options, f).unwrap();
         assert!(o.x.iter().all(|x| (x - 0.8).abs() < 0.02), "{o:?}");
         assert!(o.evaluations <= 1500);
+    }
+
+    #[test]
+    fn the_first_step_is_as_long_as_allowed_and_tolerances_are_those_of_the_function() {
+        // Tried points of a steep bowl: without a limit the first trial leaves the box.
+        let tried = |options: &Options, steepness: f64| {
+            let mut tried = Vec::new();
+            let out = minimize(&[0.5; 2], &[0.0; 2], &[1.0; 2], options, |x, g| {
+                tried.push(x.to_vec());
+                g.iter_mut().zip(x).for_each(|(g, x)| *g = 2.0 * steepness * (x - 0.3));
+                ControlFlow::Continue(steepness * x.iter().map(|x| (x - 0.3).powi(2)).sum::<f64>())
+            });
+            (tried, out.unwrap())
+        };
+        let limited = Options { first_step: Some(0.05), ..tight() };
+        let (points, out) = tried(&limited, 1e3);
+        assert!((points[1][0] - 0.45).abs() < 1e-12, "{points:?}");
+        assert_eq!(points.len(), out.evaluations as usize, "the start is evaluated once");
+        assert!(out.x.iter().all(|x| (x - 0.3).abs() < 1e-6), "{out:?}");
+        // The same problem scaled, tolerance and all, ends after the same evaluations.
+        let with_tolerance = |f_tol_abs| Options { f_tol_abs, x_tol_abs: 0.0, ..limited.clone() };
+        let (a, b) = (tried(&with_tolerance(1e-2), 1.0), tried(&with_tolerance(1e2), 1e4));
+        assert_eq!((a.0.len(), a.1.stop), (b.0.len(), b.1.stop));
     }
 
     #[test]
