@@ -115,23 +115,26 @@ pub fn minimize_moduli<F>(
 where
     F: FnMut(&[f64], &mut Moduli) -> ControlFlow<Interrupt>,
 {
-    let (n, m) = (x0.len(), weights.len());
+    let n = x0.len();
     if n == 0 {
         return Err(OptimError::NoVariables);
     }
+    let bounded: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
+    let m = bounded.len();
     let search = RefCell::new(Search {
         f,
         lower,
         weights,
         errors,
+        bounded: bounded.clone(),
         max_evaluations,
         at: Vec::new(),
-        values: Moduli::new(n, m),
+        values: Moduli::new(n, weights.len()),
         tally: Tally::default(),
     });
     search.borrow_mut().move_to(x0);
     let mut y: Vec<f64> = x0.to_vec();
-    y.extend(search.borrow().values.residuals.iter().map(|r| r.abs()));
+    y.extend(bounded.iter().map(|&i| search.borrow().values.residuals[i].abs()));
     let result = {
         let objective =
             |y: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| search.borrow_mut().objective(y, gradient);
@@ -143,7 +146,10 @@ where
         accepted(opt.set_lower_bounds(&least), "set the lower bounds")?;
         let upper: Vec<f64> = (0..n + m).map(|i| if i < n { 1.0 } else { f64::INFINITY }).collect();
         accepted(opt.set_upper_bounds(&upper), "set the upper bounds")?;
-        accepted(opt.add_inequality_mconstraint(2 * m, bounds, (), &vec![1e-8; 2 * m]), "bound the moduli")?;
+        if m > 0 {
+            let tolerances = vec![1e-8; 2 * m];
+            accepted(opt.add_inequality_mconstraint(2 * m, bounds, (), &tolerances), "bound the moduli")?;
+        }
         accepted(opt.set_ftol_abs(f_tolerance), "set f_tol_abs")?;
         accepted(opt.set_stopval(f64::MIN), "set the stopping value")?;
         accepted(opt.set_maxeval(2 * max_evaluations), "set the evaluations")?;
@@ -169,8 +175,11 @@ struct Search<'a, F> {
     lower: &'a [f64],
     weights: &'a [f64],
     errors: &'a [f64],
+    /// Indices of the residuals whose moduli count and are bounded by a variable each: those of
+    /// weight 0 would only dilute the model of the curvature.
+    bounded: Vec<usize>,
     max_evaluations: u32,
-    /// Where `values` were taken.
+    /// The point where `values` were taken.
     at: Vec<f64>,
     values: Moduli,
     tally: Tally,
@@ -215,7 +224,7 @@ where
     }
 
     fn objective(&mut self, y: &[f64], gradient: Option<&mut [f64]>) -> f64 {
-        let (x, t) = y.split_at(y.len() - self.weights.len());
+        let (x, t) = y.split_at(y.len() - self.bounded.len());
         self.move_to(x);
         if self.tally.end.is_some() {
             if let Some(gradient) = gradient {
@@ -226,17 +235,18 @@ where
         if let Some(gradient) = gradient {
             let (by_x, by_t) = gradient.split_at_mut(x.len());
             by_x.copy_from_slice(&self.values.rest_gradient);
-            for (i, by_t) in by_t.iter_mut().enumerate() {
-                *by_t = self.weights[i] * expected_modulus(t[i], self.errors[i])[1];
+            for ((&i, t), by_t) in self.bounded.iter().zip(t).zip(by_t) {
+                *by_t = self.weights[i] * expected_modulus(*t, self.errors[i])[1];
             }
         }
-        let moduli = self.weights.iter().zip(t).zip(self.errors);
-        self.values.rest + moduli.map(|((w, t), e)| w * expected_modulus(*t, *e)[0]).sum::<f64>()
+        let moduli = self.bounded.iter().zip(t);
+        let expected = moduli.map(|(&i, t)| self.weights[i] * expected_modulus(*t, self.errors[i])[0]);
+        self.values.rest + expected.sum::<f64>()
     }
 
     /// r_i − t_i and −r_i − t_i, wanted below 0.
     fn bounds(&mut self, out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>) {
-        let (x, t) = y.split_at(y.len() - self.weights.len());
+        let (x, t) = y.split_at(y.len() - self.bounded.len());
         self.move_to(x);
         if self.tally.end.is_some() {
             out.fill(-1.0);
@@ -246,15 +256,17 @@ where
             return;
         }
         let n = x.len();
-        for (i, (r, t)) in self.values.residuals.iter().zip(t).enumerate() {
-            out[2 * i] = r - t;
-            out[2 * i + 1] = -r - t;
+        for (k, (&i, t)) in self.bounded.iter().zip(t).enumerate() {
+            let r = self.values.residuals[i];
+            out[2 * k] = r - t;
+            out[2 * k + 1] = -r - t;
         }
         let Some(jacobian) = jacobian else { return };
         for (k, row) in jacobian.chunks_exact_mut(y.len()).enumerate() {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
             row.fill(0.0);
-            for (out, d) in row.iter_mut().zip(&self.values.jacobian[k / 2 * n..][..n]) {
+            let of_residual = &self.values.jacobian[self.bounded[k / 2] * n..][..n];
+            for (out, d) in row.iter_mut().zip(of_residual) {
                 *out = sign * d;
             }
             row[n + k / 2] = -1.0;
@@ -313,6 +325,21 @@ mod tests {
         })
         .unwrap();
         assert!((out.x[0] - 0.6).abs() < 1e-6 && (out.f - 0.5).abs() < 1e-6, "{out:?}");
+    }
+
+    #[test]
+    fn residuals_without_weight_leave_the_search_as_it_is_without_them() {
+        let alone = |x: &[f64], out: &mut Moduli| {
+            (out.rest, out.rest_gradient[0]) = ((x[0] - 0.3).powi(4), 4.0 * (x[0] - 0.3).powi(3));
+            ControlFlow::Continue(())
+        };
+        let without = minimize_moduli(&[0.9], &[0.0], &[], &[], 1e-10, 50, alone).unwrap();
+        let with = minimize_moduli(&[0.9], &[0.0], &[0.0, 0.0], &[0.0, 0.1], 1e-10, 50, |x, out| {
+            (out.residuals[0], out.jacobian[0]) = ((9.0 * x[0]).sin(), 9.0 * (9.0 * x[0]).cos());
+            (out.residuals[1], out.jacobian[1]) = (5.0 * (x[0] - 0.8), 5.0);
+            alone(x, out)
+        });
+        assert_eq!(with.unwrap(), without);
     }
 
     #[test]
