@@ -58,8 +58,10 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// A sampler of the given family; `seed` selects one of 2⁶⁴ independent
-    /// scrambles of the whole picture.
+    /// A sampler of the given family; `seed` selects an independent scramble of the whole picture.
+    /// Every pixel hashes all 64 bits of it into a scramble of its own, of which Halton's sequence
+    /// has 2⁶⁴ and Sobol's 2³²: two seeds share the scramble of a Sobol pixel once in 2³² pixels,
+    /// and hardly ever that of two.
     #[must_use]
     pub fn new(kind: SamplerKind, seed: u64) -> Self {
         let mut s = Self {
