@@ -24,6 +24,17 @@ pub enum Outline {
     },
 }
 
+impl Outline {
+    /// The larger half-extent, or the radius, metres.
+    #[must_use]
+    pub fn extent(&self) -> f32 {
+        match *self {
+            Self::Rectangle { a, b } => a.max(b),
+            Self::Disk { r } => r,
+        }
+    }
+}
+
 /// A cone of emission with a soft edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {

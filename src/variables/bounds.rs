@@ -8,7 +8,7 @@ use glam::{UVec2, Vec2};
 
 use crate::{
     integrator::View,
-    light::{Light, Outline, Resizable},
+    light::{Light, Resizable},
     scene::Mesh,
 };
 
@@ -27,15 +27,11 @@ const MAX_EXTENT: f32 = 0.5;
 #[must_use]
 pub fn size_range(view: View, light: &Light) -> Option<[f32; 2]> {
     let shape = light.resizable()?;
-    let unit = match shape.outline() {
-        Outline::Rectangle { a, b } => a.max(b),
-        Outline::Disk { r } => r,
-    };
     let mesh = &view.scene.mesh;
     let limit = cutting_size(mesh, shape)
         .min(covering_size(view, light, shape))
         .min(shape.size_at_point(view.camera.position));
-    let s_max = (CLEARANCE * limit).min(MAX_EXTENT * mesh.bounds().diagonal() / unit);
+    let s_max = (CLEARANCE * limit).min(MAX_EXTENT * mesh.bounds().diagonal() / shape.outline().extent());
     Some([MIN_FRACTION * s_max, s_max])
 }
 

@@ -42,6 +42,10 @@ pub const MAX_ALBEDO: f32 = 0.95;
 /// Largest value factor of the background.
 pub const MAX_VALUE: f32 = 4.0;
 
+/// Largest size at which a light is taken to touch a surface: of a lamp that is a metre wide a tenth
+/// of a millimetre is left.
+const MIN_SIZE: f32 = 1e-4;
+
 /// Halvings of the exponent's range in which a gain is sought: to a millionth of it.
 const BISECTIONS: u32 = 27;
 
@@ -55,7 +59,7 @@ pub enum SurveyError {
     NothingFree,
     #[error("light `{light}` does not light the picture; move it or turn it")]
     LightsNothing { light: String },
-    #[error("light `{light}` is within {distance:.3} of a surface at any size; move it away")]
+    #[error("light `{light}` is within {distance:.1e} m of a surface at any size; move it away")]
     NoRoom { light: String, distance: f32 },
 }
 
@@ -112,8 +116,9 @@ impl Fitted {
         wanted: Option<[f32; 2]>,
     ) -> Result<[f32; 2], SurveyError> {
         let name = &scene.lights[i].name;
-        if hi.is_nan() || hi <= 1e-4 {
-            return Err(SurveyError::NoRoom { light: name.clone(), distance: hi });
+        if hi.is_nan() || hi <= MIN_SIZE {
+            let extent = scene.lights[i].resizable().map_or(1.0, |shape| shape.outline().extent());
+            return Err(SurveyError::NoRoom { light: name.clone(), distance: hi * extent });
         }
         let range = match wanted {
             None => [lo, hi],
