@@ -3,11 +3,12 @@
 //! A file holds, little-endian: the magic `LIGHTOPTBASIS`, a version byte, the
 //! length of a JSON header (u64) and the header, then the tables (f32): luminance
 //! by replicate, colour; at the end a hash (u64) of all that. The header says what
-//! the tables are; its `about` belongs to whoever wrote the file.
+//! the tables are; its `about` belongs to whoever wrote the file. Nothing that a header
+//! announces is believed before the file is known to be as long.
 
 use std::{
-    fs,
-    io::{self, Write},
+    fs::File,
+    io::{self, BufReader, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -23,7 +24,7 @@ use crate::{
 
 const MAGIC: &[u8; 13] = b"LIGHTOPTBASIS";
 /// Version of the format and of what the tables mean.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 
 /// A basis cannot be stored or read.
 #[derive(Debug, thiserror::Error)]
@@ -43,15 +44,31 @@ pub enum StoreError {
     Write(#[from] AtomicWriteError),
 }
 
+/// Longest header that is read, bytes: names, variables and the mask of a large picture take less.
+const MAX_HEADER: u64 = 64 << 20;
+/// Most value nodes that a file may announce; a picture has one an edge of its light paths.
+const MAX_NODES: usize = 64;
+
 #[derive(Serialize, Deserialize)]
 struct Header {
+    /// What the writer says about the basis.
     about: Value,
+    /// Largest value of the background.
     largest_value: f64,
+    /// Nodes of the background's value.
     n_nodes: usize,
+    /// See [`TransportBasis`].
     n_samples: u32,
+    /// Number of tables of luminance.
     replicates: usize,
+    /// Film size, pixels.
     size: [u32; 2],
+    /// Sizes per light.
     sizes: Vec<Size>,
+    /// Samples taken of the present sequence.
+    taken: u32,
+    /// Weight of the samples that follow.
+    weight: u32,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -80,6 +97,8 @@ impl TransportBasis {
                 .iter()
                 .map(|l| l.knots.clone().map_or(Size::Fixed(l.size), Size::Free))
                 .collect(),
+            taken: self.taken,
+            weight: self.weight,
         };
         let fail = |source| StoreError::Io { path: path.into(), source };
         let header = serde_json::to_vec(&header).map_err(|e| fail(e.into()))?;
@@ -106,77 +125,108 @@ impl TransportBasis {
     /// # Errors
     /// When the file is not a whole basis of this version.
     pub fn load(path: &Path) -> Result<(Self, Value), StoreError> {
-        let bytes = fs::read(path).map_err(|source| StoreError::Read { path: path.into(), source })?;
-        let damaged = || StoreError::Damaged { path: path.into() };
-        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| StoreError::NotABasis { path: path.into() })?;
-        let (&found, rest) = rest.split_first().ok_or_else(damaged)?;
-        if found != VERSION {
-            return Err(StoreError::Version { path: path.into(), found });
+        let unreadable = |source| StoreError::Read { path: path.into(), source };
+        let file = File::open(path).map_err(unreadable)?;
+        let length = file.metadata().map_err(unreadable)?.len();
+        let mut reader = Hashing { file: BufReader::new(file), hash: 0 };
+        match read(&mut reader, length) {
+            Ok(read) => Ok(read),
+            Err(Unread::Magic) => Err(StoreError::NotABasis { path: path.into() }),
+            Err(Unread::Version(found)) => Err(StoreError::Version { path: path.into(), found }),
+            Err(Unread::Damaged) => Err(StoreError::Damaged { path: path.into() }),
+            Err(Unread::Io(e)) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                Err(StoreError::Damaged { path: path.into() })
+            }
+            Err(Unread::Io(source)) => Err(unreadable(source)),
         }
-        let (length, rest) = rest.split_at_checked(8).ok_or_else(damaged)?;
-        let length = length.iter().rev().fold(0_u64, |n, &b| n << 8 | u64::from(b));
-        let (header, rest) =
-            rest.split_at_checked(usize::try_from(length).unwrap_or(usize::MAX)).ok_or_else(damaged)?;
-        let header: Header = serde_json::from_slice(header).map_err(|_| damaged())?;
-        let sizes = header.sizes.into_iter().map(|s| match s {
-            Size::Fixed(size) => SizeBins::Fixed(size),
-            Size::Free(knots) => SizeBins::Free(knots),
-        });
-        let mut sizes_sound = true;
-        let sizes: Vec<SizeBins> = sizes
-            .inspect(|s| {
-                sizes_sound &=
-                    matches!(s, SizeBins::Fixed(_)) || matches!(s, SizeBins::Free(k) if k.is_sound())
-            })
-            .collect();
-        if !sizes_sound || sizes.is_empty() || header.largest_value.is_nan() || header.largest_value < 0.0 {
-            return Err(damaged());
-        }
-        let nodes = ValueNodes::new(header.largest_value, header.n_nodes.clamp(1, 64));
-        let layout = Layout::new(UVec2::from_array(header.size), sizes, nodes);
-        let n = layout.n_rows().checked_mul(layout.n_pixels()).ok_or_else(damaged)?;
-        let wanted =
-            n.checked_mul(header.replicates + COLOURS).and_then(|n| n.checked_mul(4)).ok_or_else(damaged)?;
-        if n == 0 || rest.len() != wanted + 8 || header.n_nodes != layout.nodes.len() || header.n_samples == 0
-        {
-            return Err(damaged());
-        }
-        let (tables, hash) = rest.split_at(wanted);
-        let begin = bytes.len() - rest.len();
-        let head = MAGIC.len() + 1 + 8;
-        let mut hashed = 0;
-        for part in [
-            &bytes[..MAGIC.len()],
-            &bytes[MAGIC.len()..=MAGIC.len()],
-            &bytes[head - 8..head],
-            &bytes[head..begin],
-        ] {
-            hashed = fold(hashed, part);
-        }
-        let mut floats = tables.chunks(n * 4).collect::<Vec<_>>();
-        let colour = floats.split_off(header.replicates).concat();
-        let mut table = |bytes: &[u8]| -> Vec<f32> {
-            bytes
-                .chunks(4 * CHUNK)
-                .flat_map(|part| {
-                    hashed = fold(hashed, part);
-                    part.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                })
-                .collect()
-        };
-        let luminance = floats.iter().map(|t| table(t)).collect();
-        let colour = table(&colour);
-        if hash != hashed.to_le_bytes() {
-            return Err(damaged());
-        }
-        let n_samples = header.n_samples;
-        Ok((Self { layout, luminance, colour, n_samples, weight: 1, taken: n_samples }, header.about))
     }
 }
 
-/// Numbers written at a time.
+/// Why a file is no basis.
+enum Unread {
+    Magic,
+    Version(u8),
+    Damaged,
+    Io(io::Error),
+}
+
+impl From<io::Error> for Unread {
+    fn from(e: io::Error) -> Self {
+        Self::Io(e)
+    }
+}
+
+/// Reads a basis from a file of `length` bytes.
+fn read(reader: &mut Hashing<impl Read>, length: u64) -> Result<(TransportBasis, Value), Unread> {
+    let magic = reader.array::<13>().map_err(|_| Unread::Magic)?;
+    if magic != *MAGIC {
+        return Err(Unread::Magic);
+    }
+    let [version] = reader.array()?;
+    if version != VERSION {
+        return Err(Unread::Version(version));
+    }
+    let header_length = u64::from_le_bytes(reader.array()?);
+    if header_length > MAX_HEADER.min(length) {
+        return Err(Unread::Damaged);
+    }
+    let header = reader.bytes(header_length as usize)?;
+    let header: Header = serde_json::from_slice(&header).map_err(|_| Unread::Damaged)?;
+    let begin = MAGIC.len() as u64 + 1 + 8 + header_length;
+    let (layout, n) = checked_layout(&header, length - begin).ok_or(Unread::Damaged)?;
+    let luminance = (0..header.replicates).map(|_| reader.table(n)).collect::<Result<_, _>>()?;
+    let colour = reader.table(n * COLOURS)?;
+    let hash = reader.hash;
+    if reader.array()? != hash.to_le_bytes() {
+        return Err(Unread::Damaged);
+    }
+    let Header { n_samples, weight, taken, about, .. } = header;
+    Ok((TransportBasis { layout, luminance, colour, n_samples, weight, taken }, about))
+}
+
+/// The layout of a header whose numbers make sense and whose tables and hash are `rest` bytes long,
+/// with the length of a table of luminance.
+fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
+    let is_sound = |size: &Size| match size {
+        Size::Fixed(size) => size.is_finite(),
+        Size::Free(knots) => knots.is_sound(),
+    };
+    let n_cells = |size: &Size| match size {
+        Size::Fixed(_) => 1,
+        Size::Free(knots) => knots.len() as u64,
+    };
+    let numbers_fit = !header.sizes.is_empty()
+        && header.sizes.iter().all(is_sound)
+        && header.largest_value.is_finite()
+        && header.largest_value >= 0.0
+        && (1..=MAX_NODES).contains(&header.n_nodes)
+        && header.replicates >= 1
+        && header.weight >= 1
+        && header.n_samples >= 1;
+    if !numbers_fit {
+        return None;
+    }
+    let [width, height] = header.size.map(u64::from);
+    let cells: u64 = header.sizes.iter().map(n_cells).sum();
+    let n = width.checked_mul(height)?.checked_mul(cells)?.checked_mul(header.n_nodes as u64)?;
+    let tables = (header.replicates as u64).checked_add(COLOURS as u64)?;
+    let wanted = n.checked_mul(tables)?.checked_mul(4)?.checked_add(8)?;
+    if n == 0 || wanted != rest {
+        return None;
+    }
+    let sizes = header.sizes.iter().map(|size| match size {
+        Size::Fixed(size) => SizeBins::Fixed(*size),
+        Size::Free(knots) => SizeBins::Free(knots.clone()),
+    });
+    let nodes = ValueNodes::new(header.largest_value, header.n_nodes);
+    let layout = Layout::new(UVec2::from_array(header.size), sizes.collect(), nodes);
+    (layout.nodes.len() == header.n_nodes).then_some((layout, usize::try_from(n).ok()?))
+}
+
+/// Numbers written or read at a time.
 const CHUNK: usize = 1 << 16;
 
+/// A file that is written, and the hash of what was.
 struct Hashed<'a, W> {
     file: &'a mut W,
     hash: u64,
@@ -186,6 +236,41 @@ impl<W: Write> Hashed<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.hash = fold(self.hash, bytes);
         self.file.write_all(bytes)
+    }
+}
+
+/// A file that is read in the parts in which it was written, and the hash of what was.
+struct Hashing<R> {
+    file: R,
+    hash: u64,
+}
+
+impl<R: Read> Hashing<R> {
+    fn array<const N: usize>(&mut self) -> io::Result<[u8; N]> {
+        let mut bytes = [0; N];
+        self.file.read_exact(&mut bytes)?;
+        self.hash = fold(self.hash, &bytes);
+        Ok(bytes)
+    }
+
+    fn bytes(&mut self, n: usize) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![0; n];
+        self.file.read_exact(&mut bytes)?;
+        self.hash = fold(self.hash, &bytes);
+        Ok(bytes)
+    }
+
+    /// A table of `n` numbers, which the file is known to hold.
+    fn table(&mut self, n: usize) -> io::Result<Vec<f32>> {
+        let mut table = Vec::with_capacity(n);
+        let mut buffer = vec![0; 4 * CHUNK.min(n)];
+        while table.len() < n {
+            let part = &mut buffer[..4 * CHUNK.min(n - table.len())];
+            self.file.read_exact(part)?;
+            self.hash = fold(self.hash, part);
+            table.extend(part.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)));
+        }
+        Ok(table)
     }
 }
 
