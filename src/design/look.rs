@@ -95,7 +95,7 @@ pub struct LookSearch<'t, 'a> {
     pub task: &'t mut Task<'a>,
     /// The starts, and what was found from each.
     pub trials: Vec<Trial>,
-    /// The best end so far.
+    /// The end of the trial that leads.
     pub best: Polished,
     /// Evaluations of f_q with its gradient so far.
     pub evaluations: u32,
@@ -150,14 +150,14 @@ impl LookSearch<'_, '_> {
             (_, true) => {
                 self.evaluations += search::polish(&whole, &mut self.trials, &search::THOROUGH, cancelled)?;
                 self.searched = now.samples();
-                self.best = search::best(&self.trials)?.1.clone();
             }
             (_, false) => {
                 let refined = search::refine(&whole, &self.best.u, cancelled)?;
                 self.evaluations += refined.evaluations.len() as u32;
-                self.best = self.best.followed_by(&refined);
+                search::extend_best(&mut self.trials, &refined);
             }
         }
+        self.best = search::best(&self.trials)?.1.clone();
         Ok(())
     }
 

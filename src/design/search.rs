@@ -399,6 +399,14 @@ pub fn best(trials: &[Trial]) -> Result<(&Trial, &Polished), OptimError> {
     Ok((best, best.polished.as_ref().ok_or(OptimError::NothingEvaluated)?))
 }
 
+/// Lets the trial that leads go on to the end of a later descent, so that what is polished next begins
+/// there.
+pub fn extend_best(trials: &mut [Trial], next: &Polished) {
+    for polished in trials.iter_mut().filter(|trial| trial.leads).filter_map(|t| t.polished.as_mut()) {
+        *polished = polished.followed_by(next);
+    }
+}
+
 /// The polished trial of which the upper end of the error bar, of which a share counts, is the
 /// least: where f_q hardly differs, what is known best is the better choice. Of the noise correction
 /// a part counts, since the jackknife leaves a part of the bias; all of it would favour lights that
