@@ -78,9 +78,6 @@ pub fn run(
             break;
         }
     }
-    if let Some(basis) = &basis {
-        basis.store(setup)?;
-    }
     Ok(reports.done)
 }
 
@@ -147,7 +144,12 @@ fn find_together(
         reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", task.job.target.name()));
     }
     let found = match basis {
-        Some(basis) => basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?,
+        Some(basis) => {
+            let found = basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?;
+            // Before the pictures: they take long, and a disk that they fill must not cost the basis.
+            basis.store(setup)?;
+            found
+        }
         None => tasks
             .iter_mut()
             .map(|task| differences::find(task, setup, &mut reports.renders, reporter))

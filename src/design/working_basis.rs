@@ -13,7 +13,7 @@ use super::{
 use crate::{
     audit::stored::About,
     film::Picture,
-    integrator::RenderError,
+    integrator::{IntegratorKind, RenderError},
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
     math::hash::{hash_bytes, hash_words},
@@ -52,8 +52,11 @@ const FAINT_LIGHT: f64 = 0.05;
 /// checks disagreed without it, 3 with it).
 const WITHIN: f32 = 0.1;
 /// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile: an
-/// interrupt then leaves a whole basis.
-const UNINTERRUPTED: u32 = 8;
+/// interrupt then leaves a whole basis. Fewer would add to every table more often.
+const BATCH: u32 = 8;
+/// Part of the memory allowed above which what light subpaths leave during a batch makes the batch
+/// smaller: the tables are of more use.
+const BATCH_SHARE: u64 = 4;
 /// The picture on which starts are screened is smaller by this factor: 256 starts then cost as much
 /// as 16 on the whole picture.
 pub const REDUCTION: u32 = 4;
@@ -65,6 +68,8 @@ pub struct BasisPlan {
     ranges: BasisRanges,
     /// Knots per free size.
     knots: usize,
+    /// Samples of a replicate that are rendered at a time.
+    batch: u32,
     /// The lighting of what does not vary.
     fixed: Lighting,
 }
@@ -123,11 +128,15 @@ impl BasisPlan {
             kind.open(stage.fitted, stage.wishes, &mut ranges);
         }
         let knots = if options.cache.is_some() { KEPT_KNOTS } else { KNOTS };
-        let mut plan = Self { ranges, knots, fixed: stage.fitted.lighting.clone() };
+        let mut plan = Self { ranges, knots, batch: BATCH, fixed: stage.fitted.lighting.clone() };
+        while plan.splat_memory(stage) > options.memory / BATCH_SHARE && plan.batch > 1 {
+            plan.batch /= 2;
+        }
         // A basis around what is found lies beside the first.
         let need = |plan: &Self| {
             let layouts = [plan.layout(stage, None), plan.focused_layout(stage)];
-            layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>()
+            let tables = layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>();
+            tables + plan.splat_memory(stage)
         };
         let wanted = plan.knots;
         while need(&plan) > options.memory && plan.knots > MIN_KNOTS {
@@ -150,6 +159,19 @@ impl BasisPlan {
             bytes >> 20,
         ));
         Ok(plan)
+    }
+
+    /// Most memory that light subpaths take until the end of a batch, bytes.
+    fn splat_memory(&self, stage: &Stage) -> u64 {
+        let integrator = stage.options.integrator;
+        let plan = stage.plan(&self.fixed);
+        let pixels = u64::from(stage.options.work_size.element_product());
+        let samples = u64::from(self.batch * REPLICATES as u32) * pixels;
+        let subpaths = match integrator.kind {
+            IntegratorKind::Path => 0,
+            IntegratorKind::Bdpt => samples.div_ceil(u64::from(plan.counts.camera_subpaths)),
+        };
+        self.layout(stage, None).splat_memory(subpaths, integrator.max_depth)
     }
 
     /// The layout of a basis around different lights for as many looks as there may be at once.
@@ -217,7 +239,7 @@ impl BasisPlan {
             stage.camera,
             renderer.integrator,
             renderer.sampler,
-            env!("LIGHTOPT_COMMIT")
+            env!("LIGHTOPT_SOURCES")
         );
         let key = hash_words(&[stage.scene.fingerprint(), hash_bytes(words.bytes())]);
         format!("{}-{key:016x}.basis", stage.scene.name)
@@ -281,8 +303,8 @@ impl WorkingBasis {
     ///
     /// # Errors
     /// When it cannot be written.
-    pub fn store(&self, setup: Setup) -> Result<(), RunError> {
-        let Some((path, samples)) = &self.stored else { return Ok(()) };
+    pub fn store(&mut self, setup: Setup) -> Result<(), RunError> {
+        let Some((path, samples)) = &mut self.stored else { return Ok(()) };
         if *samples == self.basis.n_samples() {
             return Ok(());
         }
@@ -290,6 +312,7 @@ impl WorkingBasis {
             About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance);
         let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
         self.basis.save(path, &about)?;
+        *samples = self.basis.n_samples();
         Ok(())
     }
 
@@ -301,7 +324,7 @@ impl WorkingBasis {
     pub fn add(&mut self, spp: u32, stage: &Stage, reporter: &impl Reporter) -> Result<(), RunError> {
         let replicates = self.basis.n_replicates() as u32;
         let mut left = spp.div_ceil(replicates).max(1);
-        let renders = left.div_ceil(UNINTERRUPTED) * replicates;
+        let renders = left.div_ceil(self.plan.batch) * replicates;
         let rows = u64::from(stage.options.work_size.y * renders);
         reporter.stage("rendering the transport basis", Some(rows));
         let plan = self.plan.sampling(stage, self.foci.as_deref());
@@ -322,7 +345,7 @@ impl WorkingBasis {
                 }
                 break;
             }
-            let count = left.min(UNINTERRUPTED);
+            let count = left.min(self.plan.batch);
             self.basis.render(source, count, &Unstoppable(reporter))?;
             left -= count;
             self.sampled.push(((count * replicates) as f32, plan.sizes.clone()));

@@ -39,6 +39,13 @@ pub struct BasisFilm<'a, const N: usize> {
     non_finite: AtomicU64,
 }
 
+/// Most bytes that light subpaths leave until the end of a render of `n_subpaths` of them, each of
+/// at most `max_depth` vertices that see the lens.
+pub(super) fn splat_bytes<const N: usize>(n_subpaths: u64, max_depth: usize) -> u64 {
+    n_subpaths * max_depth as u64 * size_of::<Splat<N>>() as u64
+}
+
+/// A contribution of a light subpath.
 #[derive(Clone, Copy, Debug)]
 struct Splat<const N: usize> {
     pixel: u32,

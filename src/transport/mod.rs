@@ -129,7 +129,19 @@ impl Layout {
         self.table_bytes() * (replicates + COLOURS) as u64
     }
 
-    /// Of a table of one number a pixel, cell and node.
+    /// Most memory, bytes, that light subpaths leave until the end of a render of `n_subpaths` of
+    /// them that may see the lens from `max_depth` vertices each.
+    #[must_use]
+    pub fn splat_memory(&self, n_subpaths: u64, max_depth: usize) -> u64 {
+        match self.nodes.len() {
+            1 => film::splat_bytes::<1>(n_subpaths, max_depth),
+            2..=8 => film::splat_bytes::<8>(n_subpaths, max_depth),
+            9..=16 => film::splat_bytes::<16>(n_subpaths, max_depth),
+            _ => film::splat_bytes::<32>(n_subpaths, max_depth),
+        }
+    }
+
+    /// Memory of a table of one number per pixel, cell and node.
     fn table_bytes(&self) -> u64 {
         (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
     }
@@ -224,6 +236,7 @@ impl TransportBasis {
         match self.layout.nodes.len() {
             1 => self.render_nodes::<1>(source, count, observer),
             2..=8 => self.render_nodes::<8>(source, count, observer),
+            9..=16 => self.render_nodes::<16>(source, count, observer),
             _ => self.render_nodes::<32>(source, count, observer),
         }
     }
