@@ -9,7 +9,9 @@ use std::{f32::consts::PI, fmt, sync::Arc};
 use glam::{Vec2, Vec3};
 
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
-use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, hash::hash_bytes, luminance, warp};
+use crate::math::{
+    AreaPdf, Discrete, Frame, ONE_MINUS_EPSILON, Rgb, SolidAnglePdf, hash::hash_bytes, luminance, warp,
+};
 
 /// The ball that holds the scene, as seen from infinity.
 #[derive(Clone, Copy, Debug)]
@@ -174,10 +176,11 @@ pub struct RadianceMap {
     width: usize,
     height: usize,
     texels: Vec<[f32; 3]>,
-    /// Cumulated over each row; [row][column].
-    columns: Vec<f32>,
-    /// Cumulated over rows.
-    rows: Vec<f32>,
+    /// Chooses a pixel of a row, per row; `None` of a black one.
+    columns: Vec<Option<Discrete>>,
+    /// Chooses rows.
+    rows: Discrete,
+    /// ∫ L dω over all directions.
     integral: Rgb,
 }
 
@@ -198,28 +201,21 @@ impl RadianceMap {
         if texels.is_empty() || texels.len() != width * height || !texels.iter().flatten().all(is_radiance) {
             return None;
         }
-        let map = Self { width, height, texels, columns: vec![], rows: vec![], integral: Rgb::ZERO };
-        let (mut columns, mut rows) = (Vec::with_capacity(width * height), Vec::with_capacity(height));
-        let (mut total, mut integral) = (0.0_f64, glam::DVec3::ZERO);
+        let rows = Discrete::default();
+        let map = Self { width, height, texels, columns: vec![], rows, integral: Rgb::ZERO };
+        let (mut columns, mut totals) = (Vec::with_capacity(height), Vec::with_capacity(height));
+        let mut integral = glam::DVec3::ZERO;
         for y in 0..height {
             let sin = (PI * (y as f32 + 0.5) / height as f32).sin();
-            let mut sum = 0.0_f64;
-            for x in 0..width {
-                let mean = map.cell_mean(x, y) * sin;
-                integral += mean.as_dvec3();
-                sum += f64::from(luminance(mean));
-                columns.push(sum as f32);
-            }
-            total += sum;
-            rows.push(total as f32);
+            let means: Vec<Rgb> = (0..width).map(|x| map.cell_mean(x, y) * sin).collect();
+            integral += means.iter().map(|mean| mean.as_dvec3()).sum::<glam::DVec3>();
+            let weights: Vec<f64> = means.iter().map(|mean| f64::from(luminance(*mean))).collect();
+            totals.push(weights.iter().sum::<f64>());
+            columns.push(Discrete::new(&weights));
         }
         let cell = 2.0 * std::f64::consts::PI.powi(2) / (width * height) as f64;
-        (total > 0.0 && total.is_finite()).then(|| Self {
-            columns,
-            rows,
-            integral: (integral * cell).as_vec3(),
-            ..map
-        })
+        let rows = Discrete::new(&totals)?;
+        Some(Self { columns, rows, integral: (integral * cell).as_vec3(), ..map })
     }
 
     /// Width and height, pixels.
@@ -257,41 +253,40 @@ impl RadianceMap {
         row(y0).lerp(row(y0 + 1), fy)
     }
 
-    /// Total of a row, cumulated.
-    fn row(&self, y: usize) -> &[f32] {
-        &self.columns[y * self.width..(y + 1) * self.width]
-    }
-
     /// Density over the unit square.
     fn pdf(&self, uv: Vec2) -> f32 {
         let cell = |v: f32, n: usize| ((v * n as f32) as usize).min(n - 1);
         let (x, y) = (cell(uv.x, self.width), cell(uv.y, self.height));
-        let share = |cdf: &[f32], i: usize| cdf[i] - if i == 0 { 0.0 } else { cdf[i - 1] };
-        let (row, total) = (self.row(y), self.rows[self.height - 1]);
-        let row_total = row[self.width - 1];
-        if row_total <= 0.0 {
-            return 0.0;
-        }
-        let p_row = share(&self.rows, y) / total;
-        p_row * share(row, x) / row_total * (self.width * self.height) as f32
+        let Some(row) = &self.columns[y] else { return 0.0 };
+        self.rows.pmf(y) * row.pmf(x) * (self.width * self.height) as f32
     }
 
     fn sample_uv(&self, u: Vec2) -> Vec2 {
-        let find = |cdf: &[f32], u: f32| {
-            let target = u * cdf[cdf.len() - 1];
-            let i = cdf.partition_point(|&c| c <= target).min(cdf.len() - 1);
-            let below = if i == 0 { 0.0 } else { cdf[i - 1] };
-            let width = cdf[i] - below;
-            let within = if width > 0.0 { ((target - below) / width).clamp(0.0, 1.0) } else { 0.5 };
-            (i, (i as f32 + within) / cdf.len() as f32)
-        };
-        let (y, v) = find(&self.rows, u.y);
-        let (_, x) = find(self.row(y), u.x);
-        Vec2::new(x, v).min(Vec2::splat(crate::math::ONE_MINUS_EPSILON))
+        let (y, v) = self.rows.sample(u.y).unwrap_or_default();
+        let (x, w) = self.columns[y].as_ref().and_then(|row| row.sample(u.x)).unwrap_or_default();
+        let uv = Vec2::new((x as f32 + w) / self.width as f32, (y as f32 + v) / self.height as f32);
+        uv.min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
     /// ∫ L dω, over the cells.
     fn integral(&self) -> Rgb {
         self.integral
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dim_pixel_beside_the_sun_keeps_its_density() {
+        const SIZE: [usize; 2] = [64, 32];
+        let texel = |i: usize| if i == 8 * 64 + 3 { [1e9; 3] } else { [1.0; 3] };
+        let map = RadianceMap::new(SIZE[0], SIZE[1], (0..64 * 32).map(texel).collect()).unwrap();
+        let at = |x: f32, y: f32| map.pdf(Vec2::new((x + 0.5) / 64.0, (y + 0.5) / 32.0));
+        // In one row densities are as the radiances, and so they are between rows but for the sine.
+        assert!((at(50.0, 8.0) / at(1.0, 8.0) - 1.0).abs() < 1e-5 && at(50.0, 8.0) > 0.0);
+        let sines = (PI * 20.5 / 32.0).sin() / (PI * 8.5 / 32.0).sin();
+        assert!((at(50.0, 20.0) / at(50.0, 8.0) / sines - 1.0).abs() < 1e-4);
     }
 }

@@ -5,7 +5,7 @@ use std::{f32::consts::PI, fmt::Debug, sync::Arc};
 use glam::{Vec2, Vec3};
 
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
-use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, luminance, sequence::r2, warp};
+use crate::math::{AreaPdf, Discrete, Frame, Rgb, SolidAnglePdf, luminance, sequence::r2, warp};
 
 /// How emission varies over a surface.
 pub trait EmissionProfile: Debug + Send + Sync {
@@ -46,9 +46,10 @@ impl EmissiveTriangle {
 pub struct MeshLight {
     triangles: Vec<EmissiveTriangle>,
     normals: Vec<Vec3>,
-    /// Area density of a point of each triangle.
+    /// Chooses triangles.
+    choice: Discrete,
+    /// Area density of a point per triangle, m⁻².
     densities: Vec<f32>,
-    cdf: Vec<f32>,
     profile: Option<Arc<dyn EmissionProfile>>,
     two_sided: bool,
     power: Rgb,
@@ -94,22 +95,12 @@ impl MeshLight {
                 f64::from(a * relative.max(MIN_WEIGHT))
             })
             .collect();
-        let total: f64 = weights.iter().sum();
-        let cdf = weights
-            .iter()
-            .scan(0.0, |acc, w| {
-                *acc += w / total;
-                Some(*acc as f32)
-            })
-            .collect();
-        let densities = weights
-            .iter()
-            .zip(&areas)
-            .map(|(w, a)| if *a > 0.0 { (w / total) as f32 / a } else { 0.0 })
-            .collect();
+        let choice = Discrete::new(&weights)?;
+        let density = |(i, &area): (usize, &f32)| if area > 0.0 { choice.pmf(i) / area } else { 0.0 };
+        let densities = areas.iter().enumerate().map(density).collect();
         let normals = triangles.iter().map(|t| t.area_normal().normalize_or_zero()).collect();
         let sides = if two_sided { 2.0 } else { 1.0 };
-        Some(Self { triangles, normals, densities, cdf, profile, two_sided, power: power * PI * sides })
+        Some(Self { triangles, normals, choice, densities, profile, two_sided, power: power * PI * sides })
     }
 
     /// Whether both sides emit.
@@ -129,10 +120,7 @@ impl MeshLight {
 
     /// A point with its triangle and emission, as a connection sees it.
     fn sample(&self, u: Vec2) -> (u32, Vec3, Rgb) {
-        let i = self.cdf.partition_point(|&c| c <= u.x).min(self.cdf.len() - 1);
-        let below = if i == 0 { 0.0 } else { self.cdf[i - 1] };
-        let width = (self.cdf[i] - below).max(f32::MIN_POSITIVE);
-        let again = ((u.x - below) / width).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
+        let (i, again) = self.choice.sample(u.x).unwrap_or_default();
         let b = warp::square_to_triangle(Vec2::new(again, u.y));
         let t = &self.triangles[i];
         let uv = t.uv(b);

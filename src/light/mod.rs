@@ -32,7 +32,7 @@ mod sphere;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{AreaPdf, Frame, ONE_MINUS_EPSILON, Pmf, Rgb, SolidAnglePdf, luminance};
+use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, luminance};
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
@@ -322,42 +322,28 @@ impl Light {
 
 /// Chooses lights: a fixed probability each, never dependent on the free variables.
 #[derive(Clone, Debug, Default)]
-pub struct LightSampler {
-    pmf: Vec<f32>,
-    cdf: Vec<f32>,
-}
+pub struct LightSampler(Discrete);
 
 impl LightSampler {
     /// Probabilities proportional to `weights` (all positive).
     #[must_use]
     pub fn new(weights: &[f32]) -> Self {
-        let total: f32 = weights.iter().sum();
-        let pmf: Vec<f32> = weights.iter().map(|w| w / total).collect();
-        let cdf = pmf
-            .iter()
-            .scan(0.0, |acc, p| {
-                *acc += p;
-                Some(*acc)
-            })
-            .collect();
-        Self { pmf, cdf }
+        let weights: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
+        Self(Discrete::new(&weights).unwrap_or_default())
     }
 
     /// Chooses a light by `u` in [0, 1), and gives what is left of `u`, again
     /// uniform in [0, 1); `None` without lights.
     #[must_use]
     pub fn sample(&self, u: f32) -> Option<(LightId, Pmf, f32)> {
-        let last = self.cdf.len().checked_sub(1)?;
-        let i = self.cdf.partition_point(|&c| c <= u).min(last);
-        let below = i.checked_sub(1).map_or(0.0, |j| self.cdf[j]);
-        let rest = ((u - below) / self.pmf[i]).clamp(0.0, ONE_MINUS_EPSILON);
-        Some((i as LightId, Pmf(self.pmf[i]), rest))
+        let (i, rest) = self.0.sample(u)?;
+        Some((i as LightId, Pmf(self.0.pmf(i)), rest))
     }
 
     /// Probability of choosing light `i`.
     #[must_use]
     pub fn pmf(&self, i: LightId) -> Pmf {
-        Pmf(self.pmf[i as usize])
+        Pmf(self.0.pmf(i as usize))
     }
 }
 

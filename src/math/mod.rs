@@ -2,6 +2,7 @@
 
 pub mod bounds;
 pub mod display;
+pub mod distribution;
 pub mod frame;
 pub mod hash;
 pub mod node_rgb;
@@ -12,6 +13,7 @@ pub mod stats;
 pub mod warp;
 
 pub use bounds::Bounds;
+pub use distribution::Discrete;
 pub use frame::Frame;
 pub use node_rgb::NodeRgb;
 pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};
