@@ -144,13 +144,6 @@ uint32_t lo_version(const lo_accel *accel) {
   return (uint32_t)rtcGetDeviceProperty(accel->device, RTC_DEVICE_PROPERTY_VERSION);
 }
 
-void lo_accel_bounds(const lo_accel *accel, float lower[3], float upper[3]) {
-  struct RTCBounds b;
-  rtcGetSceneBounds(accel->scene, &b);
-  lower[0] = b.lower_x, lower[1] = b.lower_y, lower[2] = b.lower_z;
-  upper[0] = b.upper_x, upper[1] = b.upper_y, upper[2] = b.upper_z;
-}
-
 /* False for NaN too. Embree may read out of bounds, or walk the whole tree, otherwise. */
 static inline bool usable(const lo_ray *r) {
   const float m = LO_MAX_COORDINATE;
@@ -225,7 +218,6 @@ bool lo_accel_intersect1(const lo_accel *accel, const lo_ray *ray, lo_hit *hit) 
   hit->v = rh.hit.v;
   hit->geom = rh.hit.geomID;
   hit->prim = rh.hit.primID;
-  hit->ng[0] = rh.hit.Ng_x, hit->ng[1] = rh.hit.Ng_y, hit->ng[2] = rh.hit.Ng_z;
   return true;
 }
 

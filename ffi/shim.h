@@ -26,7 +26,6 @@ typedef struct lo_hit {
   float u, v;      /* barycentric: p = (1-u-v) p0 + u p1 + v p2 */
   uint32_t geom;   /* the id given to lo_accel_add_triangles */
   uint32_t prim;   /* the triangle's index in it */
-  float ng[3];     /* geometric normal, (p1-p0) x (p2-p0), not normalised */
 } lo_hit;
 
 typedef struct lo_error {
@@ -54,9 +53,6 @@ int lo_accel_add_triangles(lo_accel *accel, uint32_t geom, const float *position
                            size_t n_vertices, const uint32_t *indices, size_t n_triangles,
                            lo_error *error);
 int lo_accel_commit(lo_accel *accel, lo_error *error);
-
-/* Bounds of a committed scene; lower > upper when it is empty. */
-void lo_accel_bounds(const lo_accel *accel, float lower[3], float upper[3]);
 
 /* Closest hit: true, and *hit filled in, when there is one. Rays with a coordinate that is
  * not finite, or beyond LO_MAX_COORDINATE, hit nothing; a negative t_near counts as 0. */

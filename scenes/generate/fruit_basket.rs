@@ -24,6 +24,7 @@ use std::path::PathBuf;
 
 use pile::Object;
 
+/// Seed of the scene's randomness; any other gives another basket.
 const SEED: u64 = 2014;
 
 fn main() -> std::io::Result<()> {

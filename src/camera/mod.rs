@@ -11,10 +11,10 @@ use glam::{UVec2, Vec2, Vec3};
 
 use crate::math::{SolidAnglePdf, warp};
 
-/// Largest film: buffers of every light must fit into memory.
+/// Largest film, pixels (8192 × 8192): the picture of each light, RGB in f32, then takes 768 MiB.
 pub const MAX_PIXELS: u32 = 1 << 26;
 
-/// Whether a film may have this size.
+/// Whether a film may have this width and height, pixels.
 #[must_use]
 pub fn is_film_size(size: UVec2) -> bool {
     size.min_element() >= 1 && u64::from(size.x) * u64::from(size.y) <= u64::from(MAX_PIXELS)
@@ -31,10 +31,11 @@ pub struct Camera {
     forward: Vec3,
     /// Half-width and half-height of the film plane at distance 1.
     half: Vec2,
+    /// Width and height of the film, pixels.
     size: UVec2,
 }
 
-/// A thin lens.
+/// A thin lens, which images the plane in focus sharply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     /// Radius of the aperture, metres.
@@ -43,17 +44,17 @@ pub struct Lens {
     pub focus_distance: f32,
 }
 
-/// The camera as seen from a point of the scene.
+/// The connection of a point of the scene to a point of the lens.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraWiSample {
-    /// Where the point falls on the film.
+    /// Raster position at which the camera sees the point, pixels.
     pub raster: Vec2,
-    /// Unit direction from the point to the camera.
+    /// Unit direction from the point of the scene to that of the lens.
     pub wi: Vec3,
-    /// Squared distance, m².
+    /// Squared distance of the two points, m².
     pub dist2: f32,
-    /// Importance per unit solid angle at the camera, for the whole film's
-    /// pixel mean, sr⁻¹, given the point on the lens: it equals the density of the direction.
+    /// Importance emitted toward the point, for the mean over the film, sr⁻¹. It equals the density of
+    /// the direction, given the point of the lens.
     pub we: SolidAnglePdf,
 }
 
@@ -78,7 +79,7 @@ impl Camera {
         Some(camera.resized(size))
     }
 
-    /// The camera with a lens; `None` makes it a pinhole again.
+    /// The camera with a lens; with `None` a pinhole.
     #[must_use]
     pub fn with_lens(self, lens: Option<Lens>) -> Self {
         Self { lens, ..self }
@@ -121,8 +122,7 @@ impl Camera {
         2.0 * self.half.y.atan().to_degrees()
     }
 
-    /// Direction through a raster position as the lens's centre sees it, one
-    /// metre long along the viewing direction.
+    /// Vector from the lens's centre to a raster position on the film plane one metre ahead.
     fn film_point(&self, raster: Vec2) -> Vec3 {
         let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
         self.forward + self.right * (ndc.x * self.half.x) - self.up * (ndc.y * self.half.y)
@@ -145,7 +145,7 @@ impl Camera {
         (self.position + offset, to_focus.normalize())
     }
 
-    /// Density of a direction when the film is sampled uniformly.
+    /// Density of a unit direction when the film is sampled uniformly; 0 behind the camera.
     #[must_use]
     pub fn pdf_we(&self, dir: Vec3) -> SolidAnglePdf {
         let cos = dir.dot(self.forward);
@@ -156,8 +156,8 @@ impl Camera {
         SolidAnglePdf(1.0 / (4.0 * self.half.x * self.half.y * cos * cos * cos))
     }
 
-    /// Connects a point of the scene to the point `on_lens` of the camera;
-    /// `None` outside the film.
+    /// Connects the point `p` of the scene to the point `on_lens` of the lens; `None` if the camera
+    /// sees it outside the film.
     #[must_use]
     pub fn sample_wi(&self, on_lens: Vec3, p: Vec3) -> Option<CameraWiSample> {
         let d = p - on_lens;

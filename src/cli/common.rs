@@ -38,7 +38,7 @@ pub struct TransportArgs {
     pub max_depth: u8,
 
     /// Sequence of sample points
-    #[arg(long, value_enum, default_value_t = SamplerKind::Sobol)]
+    #[arg(long, value_parser = sampler_kinds(), default_value = "sobol")]
     pub sampler: SamplerKind,
 
     /// Seed of all randomness: the same seed gives the same bytes
@@ -148,6 +148,15 @@ pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
     let possible = KINDS.map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
     let parser = PossibleValuesParser::new(possible);
     parser.try_map(|word| VariableKind::named(&word).ok_or("no such kind of variable"))
+}
+
+/// Parses a family of sequences.
+fn sampler_kinds() -> impl TypedValueParser<Value = SamplerKind> {
+    let parser = PossibleValuesParser::new([
+        PossibleValue::new("sobol").help("Owen-scrambled Sobol, the default"),
+        PossibleValue::new("halton").help("Owen-scrambled Halton (the paper's choice)"),
+    ]);
+    parser.map(|word| if word == "halton" { SamplerKind::Halton } else { SamplerKind::Sobol })
 }
 
 /// The measure of luminance asked for.

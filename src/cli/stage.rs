@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use super::progress::Console;
 use crate::{
@@ -11,8 +11,9 @@ use crate::{
     design::Reporter,
     files::atomic::probe,
     import::{
-        self, builder,
-        sidecar::UpAxis,
+        self,
+        axes::UpAxis,
+        builder,
         stage::{StageOptions, Staging},
     },
 };
@@ -52,11 +53,30 @@ pub struct StageArgs {
 
     /// Which way is up in an OBJ
     #[arg(long, value_enum, default_value_t)]
-    pub up_axis: UpAxis,
+    pub up_axis: UpAxisArg,
 
     /// Replace the file if it exists
     #[arg(long)]
     pub force: bool,
+}
+
+/// [`UpAxis`] as an option.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum UpAxisArg {
+    /// +y, as OBJ has it
+    #[default]
+    Y,
+    /// +z, as CAD programs have it; +y is then to the back
+    Z,
+}
+
+impl From<UpAxisArg> for UpAxis {
+    fn from(arg: UpAxisArg) -> Self {
+        match arg {
+            UpAxisArg::Y => Self::Y,
+            UpAxisArg::Z => Self::Z,
+        }
+    }
 }
 
 fn parse_degrees(text: &str) -> Result<f32, String> {
@@ -81,7 +101,7 @@ pub fn stage(args: &StageArgs) -> anyhow::Result<()> {
     }
     probe(&output)?;
     let options =
-        StageOptions { main_object: args.main_object.clone(), up_axis: args.up_axis, view: args.view };
+        StageOptions { main_object: args.main_object.clone(), up_axis: args.up_axis.into(), view: args.view };
     let Staging { text, summary } = builder::stage(&scene, &options)?;
     write_whole(&output, text)?;
     let console = Console::new();

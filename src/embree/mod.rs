@@ -28,7 +28,7 @@ pub enum EmbreeError {
         mesh: usize,
         /// Position of the triangle in its mesh.
         triangle: usize,
-        /// The offending index.
+        /// Vertex index that is out of range.
         index: u32,
         /// Number of vertices of the mesh.
         n_vertices: usize,
@@ -44,29 +44,29 @@ pub enum EmbreeError {
         mesh: usize,
         /// Position of the triangle in its mesh.
         triangle: usize,
-        /// The vertex's index.
+        /// Index of the vertex.
         index: u32,
-        /// Its position.
+        /// Position of the vertex, m.
         position: Vec3,
     },
 
     /// More meshes, or triangles in one mesh, than 32-bit identifiers can tell apart.
     #[error("{what}: at most {} are possible, got {count}", u32::MAX - 1)]
     TooMany {
-        /// What there are too many of.
+        /// `meshes` or `triangles in a mesh`.
         what: &'static str,
-        /// How many there are.
+        /// Number of them.
         count: usize,
     },
 
-    /// Embree itself refused.
+    /// Embree reports an error.
     #[error("Embree could not {step}: {message} (RTCError {code})")]
     Embree {
-        /// What was being done.
+        /// Step that failed, such as `build the hierarchy`.
         step: &'static str,
-        /// Embree's number for the error.
+        /// `RTCError` code.
         code: i32,
-        /// Embree's words.
+        /// Embree's description of the error.
         message: String,
     },
 }
@@ -76,7 +76,7 @@ pub enum EmbreeError {
 pub struct TriangleMesh<'a> {
     /// Vertex positions, m.
     pub positions: &'a [Vec3],
-    /// Three indices into `positions` a triangle.
+    /// Vertices of each triangle, as indices into `positions`.
     pub indices: &'a [[u32; 3]],
 }
 
@@ -93,7 +93,7 @@ pub struct Ray {
     pub t_max: f32,
 }
 
-/// Where a ray meets a triangle.
+/// Intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Ray parameter of the point, in units of the length of `dir`.
@@ -108,15 +108,6 @@ pub struct Hit {
     pub prim: u32,
 }
 
-/// Axis-aligned bounding box, m.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Least corner.
-    pub min: Vec3,
-    /// Greatest corner.
-    pub max: Vec3,
-}
-
 /// Bounding volume hierarchy over triangle meshes, with everything it needs.
 #[derive(Debug)]
 pub struct Accel {
@@ -127,7 +118,7 @@ pub struct Accel {
 // reference-counted atomically and freed once, by `drop`.
 unsafe impl Send for Accel {}
 // SAFETY: a committed scene is never modified again (there is no `&mut` method), and Embree
-// documents `rtcIntersect1`, `rtcOccluded1` and `rtcGetSceneBounds` as thread-safe on it.
+// documents `rtcIntersect1` and `rtcOccluded1` as thread-safe on it.
 unsafe impl Sync for Accel {}
 
 impl Drop for Accel {
@@ -222,16 +213,6 @@ impl Accel {
         // SAFETY: `raw` is a committed scene; the shim checks the ray.
         unsafe { sys::lo_accel_occluded1(self.raw.as_ptr(), &ray.to_sys()) }
     }
-
-    /// Box around all triangles; `None` when there are none.
-    #[must_use]
-    pub fn bounds(&self) -> Option<Bounds> {
-        let (mut min, mut max) = ([0.0; 3], [0.0; 3]);
-        // SAFETY: `raw` is a committed scene; both pointers are to three floats.
-        unsafe { sys::lo_accel_bounds(self.raw.as_ptr(), min.as_mut_ptr(), max.as_mut_ptr()) };
-        let bounds = Bounds { min: min.into(), max: max.into() };
-        bounds.min.cmple(bounds.max).all().then_some(bounds)
-    }
 }
 
 impl Ray {
@@ -272,7 +253,7 @@ pub fn isa() -> &'static str {
     unsafe { CStr::from_ptr(sys::lo_isa()) }.to_str().unwrap_or("unknown")
 }
 
-/// Largest magnitude of a coordinate.
+/// Largest magnitude of a coordinate, m: Embree drops triangles beyond it.
 pub const MAX_COORDINATE: f32 = sys::LO_MAX_COORDINATE;
 
 fn validate(mesh_id: usize, mesh: &TriangleMesh) -> Result<(), EmbreeError> {

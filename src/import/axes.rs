@@ -1,21 +1,34 @@
-//! Units and axes: an OBJ brought to metres, y up.
+//! Length unit and up axis of an OBJ, which the format leaves open: conversion to metres, y up.
 
 use glam::Vec3;
+use serde::Deserialize;
 
-use super::sidecar::UpAxis;
 use crate::scene::mesh::{Mesh, is_proper};
 
-/// Scales a mesh and turns it y up; returns how many triangles were lost to rounding.
-pub fn place(mesh: &mut Mesh, scale: f32, up: UpAxis) -> usize {
+/// Coordinate axis of a file that points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UpAxis {
+    /// +y, as OBJ has it.
+    #[default]
+    Y,
+    /// +z, as CAD programs have it; +y is then to the back.
+    Z,
+}
+
+/// Scales a mesh by `scale`, metres per unit of the file, and rotates it such that `up` becomes +y.
+///
+/// Triangles that rounding leaves without area are removed; returns how many there were.
+pub fn to_metres_y_up(mesh: &mut Mesh, scale: f32, up: UpAxis) -> usize {
     if scale == 1.0 && up == UpAxis::Y {
         return 0;
     }
-    let turned = |v: Vec3| match up {
+    let rotated = |v: Vec3| match up {
         UpAxis::Y => v,
         UpAxis::Z => Vec3::new(v.x, v.z, -v.y),
     };
-    mesh.positions.iter_mut().for_each(|p| *p = turned(*p) * scale);
-    mesh.normals.iter_mut().for_each(|n| *n = turned(*n));
+    mesh.positions.iter_mut().for_each(|p| *p = rotated(*p) * scale);
+    mesh.normals.iter_mut().for_each(|n| *n = rotated(*n));
     let n = mesh.indices.len();
     let kept: Vec<usize> = (0..n).filter(|&t| is_proper(mesh.corners(t))).collect();
     if kept.len() < n {

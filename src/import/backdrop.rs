@@ -8,31 +8,36 @@ use crate::scene::Mesh;
 
 /// Name of the sweep's object and of its material.
 pub const NAME: &str = "backdrop";
-/// Facets of the cove; its normals are exact.
+/// Base colour where the sidecar does not say: light grey paper.
+pub const BASE_COLOR: [f32; 3] = [0.6; 3];
+/// Facets of the quarter cylinder between floor and wall. Vertex normals are exact, so that only
+/// the outline shows them: 24 keep it within r·(1 − cos 1.875°) = 5·10⁻⁴ r of the cylinder.
 const N_FACETS: u32 = 24;
 
-/// Where a sweep stands and how large it is, metres.
+/// Position and dimensions of a sweep: a floor, a quarter cylinder (the cove) and a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct Sweep {
-    /// A point of the floor.
+    /// Reference point on the floor, below the subject, metres.
     pub position: Vec3,
-    /// Radians about +y; at 0 the wall faces +z.
+    /// Rotation about +y, radians; at 0 the wall faces +z.
     pub turn: f32,
-    /// From the position to the floor's front edge.
+    /// Horizontal distance from `position` to the front edge of the floor, metres.
     pub front: f32,
-    /// From the position to the wall.
+    /// Horizontal distance from `position` to the wall, metres.
     pub back: f32,
-    /// Across.
+    /// Horizontal extent of floor, cove and wall across the viewing direction, metres.
     pub width: f32,
-    /// Of the wall, at least the radius.
+    /// Height of the wall above the floor, metres; at least `radius`.
     pub height: f32,
-    /// Of the cove, above 0, at most `back` and `height`.
+    /// Radius of the cove, metres; positive and at most `back` and `height`.
     pub radius: f32,
 }
 
 impl Sweep {
-    /// Appends the sweep's triangles to `mesh`. Their normals point to the
-    /// subject; texture coordinates are metres across and along.
+    /// Appends the sweep's triangles to `mesh` as those of material `material` and object `object`.
+    ///
+    /// Normals point toward the subject. Texture coordinates are metres: u across, v along the
+    /// profile from the front edge.
     pub fn append(&self, mesh: &mut Mesh, material: u32, object: u32) {
         let (sin, cos) = self.turn.sin_cos();
         let (right, front) = (Vec3::new(cos, 0.0, -sin), Vec3::new(sin, 0.0, cos));
@@ -60,8 +65,8 @@ impl Sweep {
         }
     }
 
-    /// Points (toward the front, up) from the floor's front edge to the wall's
-    /// top, and the normals there.
+    /// Profile from the front edge of the floor to the top of the wall: points and unit normals,
+    /// both as (toward the front, up).
     fn profile(&self) -> Vec<(Vec2, Vec2)> {
         let r = self.radius;
         let center = Vec2::new(r - self.back, r);

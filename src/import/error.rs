@@ -1,49 +1,135 @@
-//! Why a scene cannot be loaded.
+//! Errors of loading a scene.
 
 use std::path::{Path, PathBuf};
 
-use super::wavefront::LineError;
-use crate::{embree::EmbreeError, files::toml_file::TomlError, scene::texture::TextureError};
+use crate::{
+    embree::EmbreeError, files::toml_file::TomlError, film::image_file::ImageFileError,
+    scene::texture::TextureError,
+};
 
-/// A scene could not be loaded.
+/// A line of a text file that cannot be understood.
+#[derive(Debug, PartialEq, Eq)]
+pub struct LineError {
+    /// Line number, from 1.
+    pub line: usize,
+    /// What is wrong with the line.
+    pub message: String,
+}
+
+/// A scene could not be loaded. Every message names the file, and the line or key where there is one.
 #[derive(Debug, thiserror::Error)]
-#[allow(missing_docs)]
 pub enum ImportError {
+    /// No file of this name, with or without ending, exists beside the caller or in the library.
     #[error("{path}: no such scene{hint}", path = path.display())]
-    NotFound { path: PathBuf, hint: String },
+    NotFound {
+        /// Path as given.
+        path: PathBuf,
+        /// Where else the file was sought, and the nearest name found there.
+        hint: String,
+    },
+    /// The path is a directory.
     #[error("{path}: is a directory; a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
-    Directory { path: PathBuf },
+    Directory {
+        /// Path as given.
+        path: PathBuf,
+    },
+    /// The file exists, but its name has none of the endings of a scene.
     #[error("{path}: a scene is a Wavefront .obj or a glTF .glb/.gltf file", path = path.display())]
-    NotScene { path: PathBuf },
+    NotScene {
+        /// Path of the file.
+        path: PathBuf,
+    },
+    /// The sidecar exists but cannot be read.
     #[error("{path}: cannot read the sidecar, which gives camera, main object and lights", path = path.display())]
-    Sidecar { path: PathBuf, source: std::io::Error },
+    Sidecar {
+        /// Path of the sidecar.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The scene file cannot be read.
     #[error("{path}: cannot read the scene", path = path.display())]
-    Read { path: PathBuf, source: std::io::Error },
+    Read {
+        /// Path of the scene file.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// `tobj` refuses an OBJ that the line checks let pass.
     #[error("{path}: cannot read OBJ or MTL", path = path.display())]
-    Obj { path: PathBuf, source: tobj::LoadError },
+    Obj {
+        /// Path of the OBJ.
+        path: PathBuf,
+        /// Cause.
+        source: tobj::LoadError,
+    },
+    /// A line of an OBJ, an MTL or a sidecar is wrong.
     #[error("{path}:{line}: {message}", path = path.display())]
-    Line { path: PathBuf, line: usize, message: String },
+    Line {
+        /// Path of the file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// What is wrong with the line, and what is allowed.
+        message: String,
+    },
+    /// A glTF as a whole is broken, of another version, or requires an unsupported extension.
     #[error("{path}: {message}", path = path.display())]
-    Gltf { path: PathBuf, message: String },
+    Gltf {
+        /// Path of the glTF.
+        path: PathBuf,
+        /// What is wrong with the file.
+        message: String,
+    },
+    /// The scene file holds no triangle of positive area.
     #[error(
         "{path}: no triangle in this file{degenerate}", path = path.display(),
         degenerate = match n_degenerate { 0 => String::new(), n => format!(" but for {n} that are degenerate") }
     )]
-    NoTriangles { path: PathBuf, n_degenerate: usize },
+    NoTriangles {
+        /// Path of the scene file.
+        path: PathBuf,
+        /// Number of triangles of no area, which are left out.
+        n_degenerate: usize,
+    },
+    /// The value of a key of a sidecar or glTF is wrong.
     #[error("{path}: `{key}`: {message}", path = path.display())]
-    Key { path: PathBuf, key: String, message: String },
+    Key {
+        /// Path of the file that holds the key.
+        path: PathBuf,
+        /// Key with the tables above it, such as `lights.key.radius`.
+        key: String,
+        /// What is wrong with the value, and what is allowed.
+        message: String,
+    },
+    /// The sidecar is not TOML, or a key of it is unknown or of another type.
     #[error(transparent)]
     Toml(#[from] TomlError),
+    /// A texture cannot be read.
     #[error(transparent)]
     Texture(#[from] TextureError),
+    /// The picture that a key of the sidecar names cannot be read.
     #[error("{path}: `{key}`", path = path.display())]
-    Picture { path: PathBuf, key: String, source: Box<crate::film::image_file::ImageFileError> },
+    Picture {
+        /// Path of the sidecar.
+        path: PathBuf,
+        /// Key that names the picture.
+        key: String,
+        /// Cause.
+        source: Box<ImageFileError>,
+    },
+    /// Embree refuses the triangles.
     #[error("{path}: cannot build the ray-tracing structure", path = path.display())]
-    Embree { path: PathBuf, source: EmbreeError },
+    Embree {
+        /// Path of the scene file.
+        path: PathBuf,
+        /// Cause.
+        source: EmbreeError,
+    },
 }
 
 impl ImportError {
-    /// What is wrong with a line of a file.
+    /// The error of a line of the file `path`.
     #[must_use]
     pub fn at(path: &Path, LineError { line, message }: LineError) -> Self {
         Self::Line { path: path.into(), line, message }

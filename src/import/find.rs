@@ -1,4 +1,4 @@
-//! Where scene files are sought.
+//! Finds scene files by name.
 
 use std::{
     fs,
@@ -8,13 +8,13 @@ use std::{
 use super::error::ImportError;
 use crate::files::nearest;
 
-/// Where scenes are sought that are not found as given.
+/// Directory in which scenes are sought that are not found as given: that of the repository.
 const LIBRARY: &str = "scenes";
 
-/// Endings of scene files, in the order in which they are tried.
+/// Endings of scene files, in the order in which they are tried on a name without one.
 const ENDINGS: [&str; 3] = ["obj", "glb", "gltf"];
 
-/// Whether a file is a scene by its ending; the ending is returned.
+/// The ending of a scene file in lower case; `None` for other files.
 pub(super) fn ending(path: &Path) -> Option<&'static str> {
     let given = path.extension()?;
     ENDINGS.into_iter().find(|e| given.eq_ignore_ascii_case(e))
@@ -24,7 +24,7 @@ pub(super) fn ending(path: &Path) -> Option<&'static str> {
 /// ending `.obj`, `.glb` or `.gltf` may be left out.
 ///
 /// # Errors
-/// When there is none, or the file is neither OBJ nor glTF.
+/// When no such file exists, or its ending is of another format. The error names the nearest scene.
 pub fn find(path: &Path) -> Result<PathBuf, ImportError> {
     let mut given = vec![path.to_path_buf()];
     given.extend(ENDINGS.map(|e| {
@@ -46,7 +46,7 @@ pub fn find(path: &Path) -> Result<PathBuf, ImportError> {
     Ok(found)
 }
 
-/// The scenes that may have been meant.
+/// Where else the scene was sought, and the nearest name there and beside it.
 fn hint(path: &Path) -> String {
     if path.is_absolute() {
         return String::new();

@@ -1,4 +1,4 @@
-//! What a scene file holds, whatever its format.
+//! Content of a scene file, common to all formats.
 
 use glam::Vec3;
 
@@ -7,34 +7,43 @@ use crate::{
     scene::{Mesh, material::MaterialParams},
 };
 
-/// The content of a scene file.
+/// Longest name of a light, bytes. EXR allows a part's name 255; `light.` and a number come on top.
+pub const MAX_LIGHT_NAME: usize = 200;
+/// Longest name of a light that is named after something else, characters: leaves 20 of
+/// [`MAX_LIGHT_NAME`] for the number that makes it unique.
+const MAX_DERIVED_NAME: usize = 180;
+
+/// Content of a scene file, before the sidecar's overrides.
 #[derive(Debug, Default)]
 pub struct Imported {
-    /// Triangles; their normals are final.
+    /// Triangles in the file's units, with the normals that are rendered.
     pub mesh: Mesh,
-    /// Names of what triangles belong to, indexed by [`Mesh::objects`].
+    /// Objects and groups that triangles belong to, indexed by [`Mesh::objects`].
     pub parts: Vec<Part>,
     /// Material names and parameters, indexed by [`Mesh::materials`].
     pub materials: Vec<(String, MaterialParams)>,
-    /// Facts that a user should hear of.
+    /// What was left out or replaced while reading, one line each.
     pub warnings: Vec<String>,
-    /// Camera, where the format has them.
+    /// First perspective camera; `None` in a format without cameras.
     pub camera: Option<ImportedCamera>,
-    /// Lights, where the format has them; their names are unique.
+    /// Punctual lights with unique names; empty in a format without lights.
     pub lights: Vec<ImportedLight>,
 }
 
-/// What a triangle belongs to. An `o` ends the groups before it.
+/// Object and groups that a triangle belongs to.
+///
+/// In an OBJ, an `o` ends the groups before it. In a glTF, the object is the node, the groups are
+/// its ancestors and its mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Part {
-    /// Name after `o`.
+    /// Name of the object (OBJ `o`, glTF node).
     pub object: Option<String>,
-    /// Names after `g`, and the whole of several.
+    /// Names of the groups; of an OBJ's `g` with several names also the whole line.
     pub groups: Vec<String>,
 }
 
 impl Part {
-    /// All names that select the part.
+    /// All names by which the part can be selected.
     pub fn names(&self) -> impl Iterator<Item = &str> + Clone {
         self.object.iter().chain(&self.groups).map(String::as_str)
     }
@@ -43,47 +52,54 @@ impl Part {
 /// A perspective camera of a scene file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImportedCamera {
-    /// Position, metres.
+    /// Position of the pinhole, metres.
     pub position: Vec3,
-    /// A point it looks at.
+    /// A point on the optical axis in front of the camera, metres.
     pub look_at: Vec3,
-    /// Up vector.
+    /// Unit up vector.
     pub up: Vec3,
     /// Vertical field of view, degrees, in (0, 180).
     pub vfov: f32,
-    /// Width over height of the picture it was made for.
+    /// Width over height of the picture; `None` if the file leaves it open.
     pub aspect: Option<f32>,
 }
 
-/// A light of a scene file.
+/// A punctual light of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedLight {
-    /// Unique name of 1 to 200 ASCII characters.
+    /// Unique name of 1 to [`MAX_LIGHT_NAME`] printable ASCII characters.
     pub name: String,
-    /// Kind.
+    /// Angular distribution.
     pub kind: Punctual,
-    /// Position, metres; of no meaning for a directional light.
+    /// Position, metres; unused by a directional light.
     pub position: Vec3,
-    /// Unit direction of emission; of no meaning for a point.
+    /// Unit direction of emission; unused by a point light.
     pub direction: Vec3,
-    /// Linear Rec.709.
+    /// Colour, linear Rec.709.
     pub color: Rgb,
-    /// W·sr⁻¹ (point, spot) or W·m⁻² (directional) per unit of `color`.
+    /// Radiant intensity, W·sr⁻¹ (point, spot), or irradiance, W·m⁻² (directional), per unit of `color`.
     pub intensity: f32,
 }
 
-/// Kinds of lights without extent.
+/// Types of lights without extent, as in `KHR_lights_punctual`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Punctual {
-    /// Shines alike in all directions.
+    /// Isotropic point light.
     Point,
-    /// A cone that fades from `inner` to `outer`, half-angles in radians.
+    /// Point light with a cone in which the intensity falls off smoothly from `inner` to `outer`.
     Spot {
-        /// Full intensity within.
+        /// Half-angle within which the intensity is full, radians.
         inner: f32,
-        /// Dark outside.
+        /// Half-angle beyond which the intensity is 0, radians.
         outer: f32,
     },
-    /// Parallel light from infinitely far.
+    /// Parallel light from infinity.
     Directional,
+}
+
+/// `name` cut to the length of a derived light name, with `_` for what is not printable ASCII: names
+/// of lights become those of EXR parts.
+pub fn printable_name(name: &str) -> String {
+    let printable = |c: char| if c == ' ' || c.is_ascii_graphic() { c } else { '_' };
+    name.chars().take(MAX_DERIVED_NAME).map(printable).collect()
 }

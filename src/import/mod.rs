@@ -1,9 +1,9 @@
-//! Scene files: readers of OBJ, MTL, glTF and sidecars, and the staging of scenes that have none.
+//! Import: readers of OBJ, MTL, glTF and sidecars, and the staging of scenes without a sidecar.
 //!
-//! Every reader fills an [`Imported`](imported::Imported); the [`builder`] merges it with the
-//! sidecar, checks both, and builds the [`Scene`](crate::scene::Scene).
+//! Every reader of a scene file fills an [`Imported`](imported::Imported); the [`builder`] merges it
+//! with the sidecar, checks both, and builds the [`Scene`](crate::scene::Scene).
 
-mod axes;
+pub mod axes;
 pub mod backdrop;
 pub mod builder;
 pub mod error;

@@ -1,5 +1,4 @@
-//! What a Wavefront MTL says, checked line by line. Its meaning is the business
-//! of [`super::mtl_params`].
+//! Parses a Wavefront MTL, checked line by line; [`super::mtl_params`] interprets it.
 //!
 //! # References
 //! Alias *MTL Material Format*; its extension for physically based materials
@@ -12,88 +11,106 @@ use std::{
 
 use glam::{Affine2, Vec2};
 
-use super::wavefront::{LineError, logical_lines, numbers, split_keyword};
+use super::{
+    error::LineError,
+    wavefront::{logical_lines, numbers, split_keyword},
+};
 use crate::scene::texture::Channel;
 
-/// What wrote a file.
+/// Program that wrote a file, which decides what its numbers mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
-    /// Anything.
+    /// Any program but Blender.
     #[default]
     Other,
     /// Blender up to 3.0, whose header names no version: `Ns` = 900·(1 − roughness)².
     OldBlender,
-    /// Blender: `Ns` = 1000·(1 − roughness)².
+    /// Blender whose header names its version: `Ns` = 1000·(1 − roughness)².
     Blender,
 }
 
-/// A map that has a meaning.
+/// Parameter that an image varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MapKind {
-    /// `map_Kd`.
+    /// Diffuse or base colour, `map_Kd`.
     Kd,
-    /// `map_Ks`.
+    /// Specular colour or strength, `map_Ks`.
     Ks,
-    /// `map_Ke`.
+    /// Emission, `map_Ke`.
     Ke,
-    /// `map_Ns`.
+    /// Specular exponent, `map_Ns`.
     Ns,
-    /// `map_Pr`.
+    /// Roughness, `map_Pr`.
     Pr,
-    /// `map_Pm`.
+    /// Share of metal, `map_Pm`.
     Pm,
-    /// `map_refl`; in Blender's files also `refl`.
+    /// Reflection, `map_refl`; in Blender's files also `refl`, the share of metal.
     Refl,
-    /// `map_d`.
+    /// Opacity, `map_d`.
     D,
-    /// `map_Bump` or `bump`.
+    /// Heights, or normals in disguise, `map_Bump` or `bump`.
     Bump,
-    /// `norm`.
+    /// Tangent-space normals, `norm`.
     Norm,
 }
 
 /// An image and its options.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapSpec {
-    /// The keyword as written.
+    /// Keyword as written, for messages.
     pub keyword: String,
-    /// File as written.
+    /// File name as written.
     pub file: String,
-    /// `-s` and `-o`: from the surface's texture coordinates to the image's.
+    /// Transformation from the surface's texture coordinates to the image's (`-s`, `-o`).
     pub transform: Affine2,
-    /// `-bm`.
+    /// Factor on the slopes of a relief (`-bm`).
     pub multiplier: Option<f32>,
-    /// `-imfchan`.
+    /// Channel that a scalar is read from (`-imfchan`).
     pub channel: Option<Channel>,
 }
 
-/// A material as written; what is absent is `None`.
+/// A material as written; a statement that is absent is `None`. Numbers are finite, not clamped.
 #[derive(Clone, Debug, Default)]
-#[allow(missing_docs)]
 pub struct MtlMaterial {
+    /// Name after `newmtl`.
     pub name: String,
+    /// Program that wrote the file.
     pub origin: Origin,
-    /// Directory of the file.
+    /// Directory of the file, relative to which images are sought.
     pub directory: PathBuf,
+    /// Ambient colour, `Ka`; in Blender's files the share of metal.
     pub ka: Option<[f32; 3]>,
+    /// Diffuse or base colour, `Kd`, linear Rec.709.
     pub kd: Option<[f32; 3]>,
+    /// Specular colour, `Ks`; in Blender's files the specular level.
     pub ks: Option<[f32; 3]>,
+    /// Emitted radiance, `Ke`, W·m⁻²·sr⁻¹.
     pub ke: Option<[f32; 3]>,
+    /// Transmission filter, `Tf`.
     pub tf: Option<[f32; 3]>,
+    /// Specular (Blinn-Phong) exponent, `Ns`.
     pub ns: Option<f32>,
+    /// Index of refraction, `Ni`.
     pub ni: Option<f32>,
+    /// Opacity ("dissolve"), `d`.
     pub d: Option<f32>,
+    /// Transparency, `Tr`: 1 − opacity.
     pub tr: Option<f32>,
+    /// Perceptual roughness, `Pr`.
     pub pr: Option<f32>,
+    /// Share of metal, `Pm`.
     pub pm: Option<f32>,
+    /// Illumination model, `illum`, 0 to 10.
     pub illum: Option<u8>,
+    /// Images by the parameter that they vary.
     pub maps: BTreeMap<MapKind, MapSpec>,
 }
 
-/// Reads an MTL in `directory`; also returns facts that a user should hear of.
+/// Parses the text of an MTL in `directory`. Returns the materials in their order, and warnings of
+/// statements that are ignored.
 ///
 /// # Errors
-/// With the first line that cannot be understood.
+/// When a line cannot be understood; the first such line.
 pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<String>), LineError> {
     let origin = origin(text);
     let mut out: Vec<MtlMaterial> = Vec::new();
@@ -159,7 +176,7 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
     Ok((out, warnings))
 }
 
-/// What wrote the file, by its first line.
+/// The program that wrote the file, by its first line.
 fn origin(text: &str) -> Origin {
     let first = text.trim_start_matches('\u{feff}').lines().next().unwrap_or_default();
     match first.trim().strip_prefix("# Blender ") {
@@ -193,7 +210,7 @@ fn finite(values: &[f32]) -> Result<(), String> {
     }
 }
 
-/// The meaning of a key in lower case.
+/// The parameter that a keyword, in lower case, gives an image to.
 fn map_kind(key: &str, origin: Origin) -> Option<MapKind> {
     Some(match key {
         "map_kd" => MapKind::Kd,
@@ -212,13 +229,13 @@ fn map_kind(key: &str, origin: Origin) -> Option<MapKind> {
     })
 }
 
-/// Whether a key in lower case names a map without meaning here. That of the
-/// ambient light, which there is none of, is not worth a word.
+/// Whether a keyword, in lower case, names a map that is not supported. `map_Ka` is left out without
+/// a warning: there is no ambient light.
 fn is_ignored_map(key: &str) -> bool {
     (key.starts_with("map_") && key != "map_ka") || ["disp", "decal", "refl"].contains(&key)
 }
 
-/// Options and file of a map.
+/// Parses options and file of a map; `warn` is told of ignored options.
 fn map(keyword: &str, rest: &str, warn: &mut impl FnMut(String)) -> MapSpec {
     let (mut scale, mut offset) = (Vec2::ONE, Vec2::ZERO);
     let (mut multiplier, mut channel) = (None, None);

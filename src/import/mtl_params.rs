@@ -1,4 +1,4 @@
-//! What the materials of an MTL mean; the tables are in [`super::obj`].
+//! Interprets the materials of an MTL; the tables are in [`super::obj`].
 
 use std::{
     collections::BTreeMap,
@@ -21,42 +21,51 @@ use crate::{
     },
 };
 
-/// IOR of a coat or glass whose file does not say.
+/// IOR of a coat or glass whose file does not say: crown glass, as glTF has it.
 const DEFAULT_IOR: f32 = 1.5;
-/// Roughness of a surface whose file does not say.
+/// Roughness of a surface whose file does not say, as in Blender's principled shader.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
-/// Albedo of a material whose file does not say.
+/// Albedo of a material whose file does not say, as in Blender's principled shader.
 const DEFAULT_ALBEDO: f32 = 0.8;
 /// Height of white over black of a bump map with `-bm` 1, in widths of the image.
-/// MTL names no unit; edges of a texel or two then rise by tens of degrees.
+/// MTL names no unit; in an image 1000 texels wide an edge of ten texels rises by 45 degrees.
 const BUMP_HEIGHT: f32 = 0.01;
+/// Texels that tell normals from heights, at most: the standard error of a mean of values in [0, 1] is
+/// then below 0.004, a fortieth of the tolerances.
+const MAX_SAMPLES: usize = 1 << 14;
+/// Largest distance from 0.5 of the mean red and green of a normal map: a mean lean of 17°.
+const MAX_LEAN: f32 = 0.15;
+/// Least mean blue of a normal map: a mean z of 0.3.
+const MIN_BLUE: f32 = 0.65;
+/// Least mean excess of blue over red and green in a normal map; a grey map of heights has none.
+const MIN_BLUE_EXCESS: f32 = 0.15;
 
-/// Diffuse grey.
+/// Diffuse grey, for a material that no library defines.
 pub fn grey() -> MaterialParams {
     let base_color = Rgb::splat(DEFAULT_ALBEDO);
     MaterialParams { base_color, ..MaterialParams::default() }
 }
 
-/// Reads materials and the images they need, each once.
+/// Interprets materials and loads the images they need, each once an encoding.
 #[derive(Debug, Default)]
 pub struct Reader {
     images: BTreeMap<(PathBuf, Encoding), Arc<Texture>>,
-    /// Facts that a user should hear of.
+    /// What was left out or replaced, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Reader {
-    /// A reader that adds to `warnings`.
+    /// A reader that appends to `warnings`.
     #[must_use]
     pub fn new(warnings: Vec<String>) -> Self {
         Self { images: BTreeMap::new(), warnings }
     }
 
-    /// Parameters of all materials. What their images occupy is kept below
-    /// [`TEXTURE_BUDGET`].
+    /// Names and parameters of all materials. The largest images are halved until all occupy no more
+    /// than [`TEXTURE_BUDGET`].
     ///
     /// # Errors
-    /// When a file exists but is not an image.
+    /// When the file of an image exists but cannot be decoded.
     pub fn read(&mut self, library: &[MtlMaterial]) -> Result<Vec<(String, MaterialParams)>, ImportError> {
         let mut out: Vec<(String, MaterialParams)> = Vec::new();
         for m in library {
@@ -102,7 +111,7 @@ impl Reader {
             Origin::Other => self.plain(m, common)?,
             Origin::Blender | Origin::OldBlender => self.blender(m, common)?,
         };
-        if params.model == Model::Dielectric {
+        if params.model.transmits() {
             return Ok(params);
         }
         let opacity_map = self.opacity_map(m)?;
@@ -140,12 +149,12 @@ impl Reader {
             params.specular_map = self.scalar(m, MapKind::Ks)?;
         }
         let slope_from_ns = |ns: f32| (2.0 / (ns.max(0.0) + 2.0)).sqrt();
-        params.roughness = match (m.pr, m.ns, params.model) {
+        params.roughness = match (m.pr, m.ns) {
             _ if params.roughness_map.is_some() => 1.0,
-            (Some(pr), _, _) => pr.clamp(0.0, 1.0),
-            (None, _, Model::Dielectric) => 0.0,
-            (None, Some(ns), _) => slope_from_ns(ns).sqrt(),
-            (None, None, _) => DEFAULT_ROUGHNESS,
+            (Some(pr), _) => pr.clamp(0.0, 1.0),
+            (None, _) if params.model.transmits() => 0.0,
+            (None, Some(ns)) => slope_from_ns(ns).sqrt(),
+            (None, None) => DEFAULT_ROUGHNESS,
         };
         Ok(as_metal(params))
     }
@@ -240,7 +249,7 @@ impl Reader {
         Ok(Some(Arc::new(image.transformed(map.transform))))
     }
 
-    /// The numbers of a map.
+    /// The map of a scalar: the channel that it names, else green.
     fn scalar(&mut self, m: &MtlMaterial, kind: MapKind) -> Result<Option<ScalarMap>, ImportError> {
         let channel = m.maps.get(&kind).and_then(|map| map.channel).unwrap_or(Channel::G);
         Ok(self.image(m, kind, Encoding::Linear)?.map(|texture| ScalarMap { texture, channel }))
@@ -285,10 +294,9 @@ impl Reader {
     }
 }
 
-/// The pure model of what is metal all over.
+/// The parameters with the pure model of a metal, if the surface is metal everywhere.
 fn as_metal(params: MaterialParams) -> MaterialParams {
-    let is_metal =
-        params.model != Model::Dielectric && params.metallic >= 1.0 && params.metallic_map.is_none();
+    let is_metal = !params.model.transmits() && params.metallic >= 1.0 && params.metallic_map.is_none();
     if !is_metal {
         return params;
     }
@@ -298,7 +306,6 @@ fn as_metal(params: MaterialParams) -> MaterialParams {
 /// Whether an image looks like normals of a tangent space: bluish, for they point
 /// up, and lean to all sides alike. Exporters write those as bump maps too.
 fn holds_normals(texture: &Texture) -> bool {
-    const MAX_SAMPLES: usize = 1 << 14;
     let [width, height] = texture.size();
     let n = width * height;
     let step = n.div_ceil(MAX_SAMPLES);
@@ -307,11 +314,11 @@ fn holds_normals(texture: &Texture) -> bool {
         [s[0] + t[0], s[1] + t[1], s[2] + t[2]]
     });
     let [r, g, b] = sum.map(|s| s / n.div_ceil(step) as f32);
-    let is_even = |v: f32| (v - 0.5).abs() < 0.15;
-    is_even(r) && is_even(g) && b > 0.65 && b - r.max(g) > 0.15
+    let is_even = |v: f32| (v - 0.5).abs() < MAX_LEAN;
+    is_even(r) && is_even(g) && b > MIN_BLUE && b - r.max(g) > MIN_BLUE_EXCESS
 }
 
-/// Folders that images are also sought in: where archives of models put them.
+/// Folders beside the MTL in which images are sought too: archives of models put them there.
 const IMAGE_FOLDERS: [&str; 2] = ["textures", "../textures"];
 
 /// Finds an image as exporters name it: relative to the MTL, absolute, in quotes,

@@ -28,7 +28,7 @@
 //!
 //! # Files of Blender
 //!
-//! They begin with `# Blender` and mean the parameters of its principled shader:
+//! Files whose first line begins with `# Blender` give the parameters of its principled shader:
 //!
 //! | MTL | meaning |
 //! | --- | --- |
@@ -47,7 +47,7 @@ use super::{
     imported::{Imported, Part},
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
-    wavefront::{self, PlainObj},
+    wavefront::{self, NormalizedObj},
 };
 use crate::{
     files::text::decode,
@@ -57,15 +57,17 @@ use crate::{
 /// Name of the material of faces without one.
 const NO_NAME: &str = "(none)";
 
-/// Reads an OBJ with its MTL and textures. `crease` is in radians.
+/// Reads an OBJ with its MTL and textures.
 ///
-/// A missing MTL is a warning: its materials are grey, but keep their names.
+/// Edges between faces without normals are smooth where they bend by at most `crease`, radians. A
+/// missing MTL is a warning: its materials are grey, but keep their names.
 ///
 /// # Errors
-/// When the OBJ, an MTL or a texture cannot be understood, or no triangle is left.
+/// When a file cannot be read, a line of the OBJ or an MTL is wrong, a texture cannot be decoded, or
+/// no triangle of positive area is left.
 pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
     let bytes = fs::read(path).map_err(|source| ImportError::Read { path: path.into(), source })?;
-    let plain = wavefront::plain_obj(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
+    let plain = wavefront::normalize(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
     let mut warnings = Vec::new();
     for (line, keyword) in &plain.unsupported {
         warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
@@ -115,7 +117,7 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
 /// Reads all material libraries, and adds a grey material for every name that none defines.
 fn material_library(
     path: &Path,
-    plain: &PlainObj,
+    plain: &NormalizedObj,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<MtlMaterial>, ImportError> {
     let dir = path.parent().unwrap_or(Path::new(""));
@@ -161,8 +163,8 @@ fn material_library(
     Ok(library)
 }
 
-/// Appends a model, whose absent normals are zero; returns how many triangles
-/// were degenerate and left out.
+/// Appends the triangles of a model, with zero for absent normals; returns how many were degenerate
+/// and left out.
 fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
     let base = mesh.positions.len() as u32;
     mesh.positions.extend(m.positions.chunks_exact(3).map(Vec3::from_slice));
@@ -183,7 +185,7 @@ fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
     m.indices.len() / 3 - n
 }
 
-/// The mesh with every normal, and without vertices that no triangle uses.
+/// The mesh with all normals, and without vertices that no triangle uses.
 ///
 /// Absent normals are smooth within an object, whatever its materials and
 /// groups; in a file without objects, within a group.

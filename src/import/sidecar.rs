@@ -85,222 +85,232 @@ use std::{collections::BTreeMap, path::Path};
 
 use serde::Deserialize;
 
-use super::error::ImportError;
-use crate::{scene::material::Model, variables::FreeKinds};
+use super::{axes::UpAxis, backdrop, error::ImportError};
+use crate::{files::toml_file, scene::material::Model, variables::FreeKinds};
 
 /// Version of the sidecar format.
 pub const SCHEMA: u32 = 1;
-/// Largest smooth bend of meshes without normals where the sidecar does not say, degrees.
+/// Crease angle where the sidecar does not say, degrees: an octagon's sides (45°) stay flat, those of a
+/// cylinder of ten or more are smooth.
 pub const DEFAULT_CREASE: f32 = 40.0;
+/// Film where neither the sidecar nor the scene file says, pixels.
+pub const DEFAULT_FILM: [u32; 2] = [640, 480];
 
-/// The whole file.
+/// Content of a sidecar. Values are checked when the scene is built, not when the file is parsed.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
-    /// Must be [`SCHEMA`].
+    /// Version of the format; must be [`SCHEMA`].
     pub schema: u32,
     /// Factor on luminance before display encoding.
     #[serde(default = "one")]
     pub exposure: f32,
-    /// What may vary.
+    /// Kinds of variables that may be free; all by default.
     #[serde(default)]
     pub free: FreeKinds,
-    /// Largest bend of an edge that is still smooth, degrees.
+    /// Crease angle, degrees: edges of an OBJ's meshes without normals that bend by no more are smooth.
     #[serde(default = "default_crease")]
     pub crease_angle: f32,
-    /// Metres per unit of an OBJ.
+    /// Metres per unit of an OBJ; 1 by default.
     pub scale: Option<f32>,
-    /// Which way is up in an OBJ.
+    /// Axis of an OBJ that points up; +y by default.
     pub up_axis: Option<UpAxis>,
-    /// Camera; a glTF may bring its own.
+    /// Camera; that of a glTF by default.
     pub camera: Option<CameraSpec>,
-    /// Main object; absent it is all of a glTF.
+    /// Main object; everything in a glTF by default.
     pub main_object: Option<Selection>,
-    /// Seamless sweep behind and below the subject.
+    /// Seamless sweep that is added behind and below the subject; none by default.
     pub backdrop: Option<BackdropSpec>,
-    /// Background materials and value.
+    /// Materials that are the background, and bounds of its value.
     #[serde(default)]
     pub background: BackgroundSpec,
-    /// Lights.
+    /// Lights besides those of a glTF and the materials that emit.
     #[serde(default)]
     pub lights: Vec<LightSpec>,
-    /// Material overrides by name.
+    /// Material overrides by the material's name in the scene file.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
 }
 
-/// An axis that points up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
-pub enum UpAxis {
-    /// +y, as OBJ has it.
-    #[default]
-    Y,
-    /// +z, as CAD programs have it; +y is then to the back.
-    Z,
-}
-
-/// `[camera]`.
+/// `[camera]`: a perspective camera.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
-    /// Metres.
+    /// Position of the pinhole or of the lens's centre, metres.
     pub position: [f32; 3],
-    /// Metres.
+    /// Point at the centre of the picture, metres.
     pub look_at: [f32; 3],
-    /// Up vector.
+    /// Up vector; +y by default.
     #[serde(default = "up")]
     pub up: [f32; 3],
-    /// Degrees.
+    /// Vertical field of view, degrees.
     pub vfov: f32,
-    /// Pixels.
-    #[serde(default = "default_size")]
+    /// Width and height of the film, pixels; [`DEFAULT_FILM`] by default.
+    #[serde(default = "default_film")]
     pub size: [u32; 2],
-    /// Radius of the lens, metres.
+    /// Radius of the lens's aperture, metres; a pinhole by default.
     pub aperture_radius: Option<f32>,
-    /// Distance of the plane in focus, metres.
+    /// Distance of the plane in focus along the optical axis, metres; that of `look_at` by default.
     pub focus_distance: Option<f32>,
 }
 
-/// Names of objects and materials.
+/// Triangles selected by object, material or place; any one of these selects.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Selection {
-    /// OBJ object or group names, glTF node or mesh names.
+    /// Patterns of OBJ object or group names, or of glTF node or mesh names.
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Material names.
+    /// Patterns of material names.
     #[serde(default)]
     pub materials: Vec<String>,
-    /// Least and largest corner of a box, metres: all triangles within.
+    /// Least and largest corner of a box, metres, that selects the triangles wholly inside.
     pub inside: Option<[[f32; 3]; 2]>,
 }
 
-/// `[backdrop]`: a floor that bends up into a wall.
+/// `[backdrop]`: a seamless sweep, a floor that bends up into a wall.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BackdropSpec {
-    /// A point of the floor, metres.
+    /// Reference point on the floor, metres; the origin by default.
     #[serde(default)]
     pub position: [f32; 3],
-    /// Degrees about +y; at 0 the wall faces +z.
+    /// Rotation about +y, degrees; at 0, the default, the wall faces +z.
     #[serde(default)]
     pub turn: f32,
-    /// From the position to the floor's front edge, metres.
+    /// Horizontal distance from `position` to the front edge of the floor, metres.
     pub front: f32,
-    /// From the position to the wall, metres.
+    /// Horizontal distance from `position` to the wall, metres.
     pub back: f32,
-    /// Metres.
+    /// Horizontal extent across, metres.
     pub width: f32,
-    /// Of the wall, metres.
+    /// Height of the wall, metres.
     pub height: f32,
-    /// Of the cove, metres; absent it is half of the lesser of `back` and `height`.
+    /// Radius of the bend, metres; half of the lesser of `back` and `height` by default.
     pub radius: Option<f32>,
-    /// Linear Rec.709.
-    #[serde(default = "light_grey")]
+    /// Diffuse albedo, linear Rec.709 in [0, 1]; [`backdrop::BASE_COLOR`] by default.
+    #[serde(default = "backdrop_color")]
     pub base_color: [f32; 3],
 }
 
-/// `[background]`.
+/// `[background]`: the materials whose base colour one factor, the background's value, scales.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BackgroundSpec {
-    /// Material names; default all that the main object does not use.
+    /// Patterns of material names; all that the main object does not use by default.
     pub materials: Option<Vec<String>>,
-    /// Bounds of the value factor.
+    /// Least and largest value, dimensionless.
     pub value_range: Option<[f32; 2]>,
 }
 
-/// Kind of a light.
+/// `type` of a light. A new one needs a name here and a shape in the scene's builder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightType {
-    /// One-sided rectangle.
+    /// Rectangle that emits from one side.
     Rectangle,
-    /// One-sided disk.
+    /// Disk that emits from one side.
     Disk,
-    /// Sphere.
+    /// Sphere that emits outward.
     Sphere,
-    /// Disk with a cone.
+    /// Disk, or point, that emits into a cone.
     Spot,
-    /// Point.
+    /// Isotropic point light.
     Point,
-    /// One direction.
+    /// Parallel light from infinity.
     Distant,
-    /// All directions from infinity.
+    /// Light from all directions of infinity, constant or by a radiance map.
     Environment,
     /// Triangles of a material.
     Mesh,
 }
 
-/// `[[lights]]`.
+impl LightType {
+    /// The type's name in the sidecar.
+    #[must_use]
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Rectangle => "rectangle",
+            Self::Disk => "disk",
+            Self::Sphere => "sphere",
+            Self::Spot => "spot",
+            Self::Point => "point",
+            Self::Distant => "distant",
+            Self::Environment => "environment",
+            Self::Mesh => "mesh",
+        }
+    }
+}
+
+/// `[[lights]]`: a light; which keys it takes depends on its type.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightSpec {
-    /// Unique name.
+    /// Unique name of 1 to 200 printable ASCII characters.
     pub name: String,
-    /// Kind.
+    /// Type of the light, `type` in the file.
     #[serde(rename = "type")]
     pub kind: LightType,
     /// Centre, metres.
     pub position: Option<[f32; 3]>,
-    /// A point on the emitting side.
+    /// A point on the emitting side, in front of the centre, metres.
     pub look_at: Option<[f32; 3]>,
-    /// Which way a rectangle's height runs; absent it is y.
+    /// Up vector of a rectangle, along which its height runs; +y by default.
     pub up: Option<[f32; 3]>,
-    /// Half-extents at size 1, metres.
+    /// Half-extents of a rectangle across and up at size 1, metres.
     pub half_extents: Option<[f32; 2]>,
-    /// Radius at size 1, metres.
+    /// Radius of a disk, sphere or spot at size 1, metres; a spot of radius 0 is a point.
     pub radius: Option<f32>,
-    /// Half-angle of a spot, degrees.
+    /// Half-angle of a spot's cone, degrees.
     pub angle: Option<f32>,
-    /// Share of the angle that is soft edge.
+    /// Share in [0, 1] of a spot's half-angle over which the cone fades; 0.2 by default.
     pub softness: Option<f32>,
-    /// Picture of the surroundings, beside the sidecar.
+    /// Radiance map of an environment: a picture's path relative to the sidecar; constant by default.
     pub image: Option<String>,
-    /// Turn of the surroundings about +y, degrees.
+    /// Rotation of an environment about +y, degrees.
     pub rotation: Option<f32>,
-    /// Material whose triangles emit.
+    /// Name of the material whose triangles are a mesh light.
     pub material: Option<String>,
-    /// Size factor.
+    /// Factor on the extents; 1 by default.
     pub size: Option<f32>,
-    /// Bounds of the size factor.
+    /// Least and largest size; found from the geometry by default.
     pub size_range: Option<[f32; 2]>,
-    /// Radiance per unit of colour.
+    /// Radiance per unit of `color`, W·m⁻²·sr⁻¹; of a point light its intensity, W·sr⁻¹, of a distant
+    /// one its irradiance, W·m⁻². By default 1, of a mesh what its material emits.
     pub radiance: Option<f32>,
-    /// Upper bound of the radiance.
+    /// Largest radiance; found from the picture by default.
     pub radiance_max: Option<f32>,
-    /// Linear Rec.709.
+    /// Colour, linear Rec.709, which is scaled to luminance 1; white by default.
     pub color: Option<[f32; 3]>,
-    /// Whether the camera sees the light itself.
+    /// Whether the camera sees the light itself; `true` by default.
     #[serde(default = "yes")]
     pub camera_visible: bool,
-    /// Whether its body stops light.
+    /// Whether the light has a black body that blocks rays; `false` by default.
     #[serde(default)]
     pub occludes: bool,
-    /// What may vary.
+    /// Kinds of variables of this light that may be free, among those of the whole file.
     pub free: Option<FreeKinds>,
 }
 
-/// `[materials.NAME]`.
+/// `[materials.NAME]`: overrides of a material of the scene file.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialSpec {
     /// Scattering model.
     pub model: Option<Model>,
-    /// Linear Rec.709.
+    /// Albedo, or reflectance of a metal, linear Rec.709 in [0, 1].
     pub base_color: Option<[f32; 3]>,
-    /// Perceptual roughness.
+    /// Perceptual roughness in [0, 1]; the GGX slope is its square.
     pub roughness: Option<f32>,
-    /// IOR.
+    /// Index of refraction in (1, 4].
     pub ior: Option<f32>,
-    /// Share of metal.
+    /// Weight in [0, 1] of a metal of the same base colour and roughness.
     pub metallic: Option<f32>,
-    /// Strength of a plastic's coat.
+    /// Weight in [0, 1] of a plastic's coat.
     pub specular: Option<f32>,
-    /// Opacity.
+    /// Probability in [0, 1] that a ray does not pass straight through.
     pub opacity: Option<f32>,
-    /// Radiance emitted, W·m⁻²·sr⁻¹.
+    /// Emitted radiance, linear Rec.709, W·m⁻²·sr⁻¹.
     pub emission: Option<[f32; 3]>,
 }
 
@@ -313,23 +323,24 @@ fn yes() -> bool {
 fn up() -> [f32; 3] {
     [0.0, 1.0, 0.0]
 }
-fn default_size() -> [u32; 2] {
-    [640, 480]
+fn default_film() -> [u32; 2] {
+    DEFAULT_FILM
 }
 fn default_crease() -> f32 {
     DEFAULT_CREASE
 }
-fn light_grey() -> [f32; 3] {
-    [0.6; 3]
+fn backdrop_color() -> [f32; 3] {
+    backdrop::BASE_COLOR
 }
 
 impl Sidecar {
-    /// Parses and checks the version.
+    /// Parses the text of a sidecar and checks its version; `path` is for messages.
     ///
     /// # Errors
-    /// With file, line and the nearest known key.
+    /// When the text is not TOML, or a key is unknown, missing or of another type. The error names file
+    /// and line, and the nearest known key.
     pub fn parse(path: &Path, text: &str) -> Result<Self, ImportError> {
-        let sidecar: Self = crate::files::toml_file::parse(path, text)?;
+        let sidecar: Self = toml_file::parse(path, text)?;
         if sidecar.schema != SCHEMA {
             return Err(ImportError::Key {
                 path: path.to_path_buf(),

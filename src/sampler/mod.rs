@@ -16,32 +16,31 @@ use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
 use crate::math::hash::hash_words;
 
-/// The families of sequences.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
-)]
+/// Families of low-discrepancy sequences.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol, the default.
     #[default]
     Sobol,
-    /// Owen-scrambled Halton (the paper's choice).
+    /// Owen-scrambled Halton, the sequence of \[PG14\].
     Halton,
 }
 
-/// The independent uses of randomness within one sample.
+/// Independent sequences of dimensions within one sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stream {
-    /// Film position, lens, camera subpath.
+    /// Film position, point of the lens, camera subpath.
     Camera = 0,
-    /// Light choice, emission, light subpath.
+    /// Choice of the light, emission, light subpath.
     Light = 1,
     /// Next-event estimation and connections to the camera.
     Connection = 2,
 }
 
-/// `sobol_burley` leaves longer sequences unspecified: past it the seed changes.
+/// Samples of a Sobol sequence under one scramble, the most that `sobol_burley` specifies; each block
+/// of so many has a scramble of its own.
 const SOBOL_MAX_SAMPLES: u32 = 1 << 16;
 
 /// A source of uniform variates in [0, 1) for one sample of one pixel.
@@ -50,10 +49,14 @@ pub struct Sampler {
     kind: SamplerKind,
     seed: u64,
     pixel: UVec2,
+    /// Index of the sample within its pixel.
     index: u32,
     stream: u8,
+    /// Scramble of the stream: a hash of seed, pixel and stream.
     stream_seed: u64,
+    /// Next dimension within the stream.
     dimension: u32,
+    /// Sobol's four dimensions that hold `dimension`.
     cache: [f32; 4],
 }
 
@@ -101,8 +104,8 @@ impl Sampler {
         ]);
     }
 
-    /// Moves to the first dimension of a stream that one of `n` samples in a row has, and returns
-    /// whether this is the one; which it is varies from pixel to pixel.
+    /// Moves to the first dimension of a stream that only one of every `n` samples of a pixel uses, and
+    /// returns whether the current one does; which one it is varies from pixel to pixel.
     pub fn start_one_of(&mut self, stream: Stream, n: u32) -> bool {
         self.start_stream(stream);
         let offset = (self.stream_seed >> 32) % u64::from(n);
@@ -111,12 +114,12 @@ impl Sampler {
         (u64::from(index) + offset).is_multiple_of(u64::from(n))
     }
 
-    /// Leaves out the four dimensions that a group of them would have now.
+    /// Skips the next aligned group of four dimensions.
     pub fn skip_4d(&mut self) {
         self.dimension = self.dimension.next_multiple_of(4) + 4;
     }
 
-    /// The next dimension.
+    /// The variate of the next dimension, in [0, 1).
     pub fn next_1d(&mut self) -> f32 {
         let d = self.dimension;
         self.dimension += 1;
@@ -138,7 +141,7 @@ impl Sampler {
         }
     }
 
-    /// The next two dimensions.
+    /// The variates of the next two dimensions, in [0, 1)².
     pub fn next_2d(&mut self) -> Vec2 {
         let x = self.next_1d();
         Vec2::new(x, self.next_1d())

@@ -7,24 +7,34 @@ use crate::{
     math::{Frame, SolidAnglePdf},
 };
 
-/// A ray's first surface.
+/// Units in the last place, of half an epsilon each, of the largest coordinate of a triangle: 7 for
+/// the interpolated point, as many for the query, rounded up.
+const ROUNDING_UNITS: f32 = 16.0;
+/// Coordinates below it are offset by an absolute distance, metres \[Wachter19\].
+const NEAR_ORIGIN: f32 = 1.0 / 32.0;
+/// Offset of a coordinate near the origin, metres \[Wachter19\].
+const OFFSET_NEAR_ORIGIN: f32 = 1.0 / 65536.0;
+/// Offset of other coordinates, units in the last place \[Wachter19\].
+const OFFSET_UNITS: f32 = 256.0;
+
+/// A point of a surface with its normals and its BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceInteraction<'a> {
     /// Position, metres.
     pub p: Vec3,
-    /// How far rounding may have put `p` off its triangle, metres.
+    /// Bound of the distance by which rounding may have put `p` off its triangle, metres.
     pub p_error: f32,
-    /// Unit geometric normal, on the side of the shading normal.
+    /// Unit geometric normal, in the hemisphere of the shading normal.
     pub ng: Vec3,
-    /// Shading frame.
+    /// Shading frame: +z is the shading normal, tilted where the material has a relief.
     pub frame: Frame,
     /// Unit shading normal before a relief tilted it; `None` without relief.
     pub untilted: Option<Vec3>,
-    /// Scattering at the point, for the base colour at value 1.
+    /// BSDF at the point, for the base colour at value 1 of the background.
     pub bsdf: Bsdf<'a>,
     /// Whether the background's value scales the base colour.
     pub is_background: bool,
-    /// Triangle.
+    /// Index of the triangle.
     pub triangle: u32,
 }
 
@@ -35,11 +45,11 @@ pub struct ScatterSample {
     pub wi: Vec3,
     /// BSDF times cosine over density, adjoint correction included.
     pub weight: Affine,
-    /// Density of `wi`; the lobe's probability for a delta lobe.
+    /// Density of `wi` given `wo`; for a delta lobe the probability of the lobe.
     pub pdf: SolidAnglePdf,
-    /// Density of the reverse choice, `wo` given `wi`.
+    /// Density of `wo` given `wi`, the reverse choice; for a delta lobe the probability of the lobe.
     pub pdf_rev: SolidAnglePdf,
-    /// Whether the direction came from a delta lobe.
+    /// Whether the direction came from a delta lobe, a perfect mirror or refraction.
     pub delta: bool,
 }
 
@@ -63,7 +73,8 @@ impl SurfaceInteraction<'_> {
         Scattering { value: s.value * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode), ..s }
     }
 
-    /// Samples a direction; `uc` chooses the lobe, `u` the direction.
+    /// Samples a direction; `uc` chooses the lobe, `u` the direction, both in [0, 1). `None` where the
+    /// surface scatters nothing that way.
     #[must_use]
     pub fn sample(&self, wo: Vec3, uc: f32, u: Vec2, mode: TransportMode) -> Option<ScatterSample> {
         if !self.is_consistent(wo) {
@@ -81,7 +92,7 @@ impl SurfaceInteraction<'_> {
         Some(ScatterSample { wi, weight, pdf: s.pdf, pdf_rev: s.pdf_rev, delta: s.delta })
     }
 
-    /// Origin of a ray that leaves toward `w`, clear of the surface.
+    /// Origin of a ray that leaves along `w`, clear of the surface on the side of `w`.
     #[must_use]
     pub fn spawn_origin(&self, w: Vec3) -> Vec3 {
         let n = if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng };
@@ -89,24 +100,25 @@ impl SurfaceInteraction<'_> {
     }
 }
 
-/// How far rounding may separate a triangle from a point interpolated on it
-/// and from a ray that starts there.
+/// Bound of the distance by which rounding may separate a triangle from a point interpolated on it
+/// and from a ray that starts there, metres.
 ///
 /// Both the interpolation and the ray's query, which takes corners relative to
 /// the origin, round by the coordinates of the corners, however small those of
 /// the point are. \[PBRT4\] 6.8.5 bounds the former by 7 units in the last place;
 /// as many again for the latter.
 pub(super) fn rounding_of(corners: [Vec3; 3]) -> f32 {
-    const UNITS: f32 = 16.0;
-    let largest = corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max);
-    UNITS * (f32::EPSILON / 2.0) * largest
+    ROUNDING_UNITS * (f32::EPSILON / 2.0) * largest_coordinate(corners)
 }
 
-/// Distance from a triangle at which a ray may start clear of it, wherever on it.
+fn largest_coordinate(corners: [Vec3; 3]) -> f32 {
+    corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max)
+}
+
+/// Distance from a triangle at which a ray that starts at any point of it is clear of it, metres.
 pub fn clearance_of(corners: [Vec3; 3]) -> f32 {
-    // The units in the last place of `offset_origin`, and its distance near the origin.
-    let largest = corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max);
-    rounding_of(corners) + (256.0 * f32::EPSILON * largest).max(1.0 / 65536.0)
+    let offset = (OFFSET_UNITS * f32::EPSILON * largest_coordinate(corners)).max(OFFSET_NEAR_ORIGIN);
+    rounding_of(corners) + offset
 }
 
 /// Moves `p` off its surface along `n` by a distance that scales with the
@@ -116,14 +128,11 @@ pub fn clearance_of(corners: [Vec3; 3]) -> f32 {
 /// or an absolute distance near the origin, where these vanish.
 #[must_use]
 pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
-    const NEAR_ORIGIN: f32 = 1.0 / 32.0;
-    const FLOAT_SCALE: f32 = 1.0 / 65536.0;
-    const INT_SCALE: f32 = 256.0;
     let offset = |p: f32, n: f32| {
         if p.abs() < NEAR_ORIGIN {
-            p + FLOAT_SCALE * n
+            p + OFFSET_NEAR_ORIGIN * n
         } else {
-            let steps = (INT_SCALE * n) as i32;
+            let steps = (OFFSET_UNITS * n) as i32;
             f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
         }
     };

@@ -10,18 +10,30 @@ use crate::{
     math::{Rgb, luminance},
 };
 
-/// The scattering model of a material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
+/// Scattering model of a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
-    /// Lambertian.
+    /// Lambertian reflection; the base colour is the albedo.
     Diffuse,
     /// Metal; the base colour is the reflectance at normal incidence.
     Conductor,
-    /// Clear glass.
+    /// Clear glass: specular or rough reflection and transmission; without base colour.
     Dielectric,
-    /// Diffuse under a dielectric coat.
+    /// Lambertian base under a dielectric coat.
     Plastic,
+}
+
+impl Model {
+    /// Whether light enters the surface and leaves it on the other side. Such a surface has neither a
+    /// share of metal nor, unless the sidecar gives one, an opacity.
+    #[must_use]
+    pub fn transmits(self) -> bool {
+        match self {
+            Self::Dielectric => true,
+            Self::Diffuse | Self::Conductor | Self::Plastic => false,
+        }
+    }
 }
 
 /// A surface material.
@@ -30,7 +42,7 @@ pub struct Material {
     /// Name in the scene file.
     pub name: String,
     params: MaterialParams,
-    /// GGX slope where no image varies it; `None` is smooth.
+    /// GGX slope α where no image varies it; `None` for a smooth surface.
     alpha: Option<f32>,
     coat: Option<Arc<Coat>>,
 }
@@ -42,33 +54,33 @@ pub struct MaterialParams {
     pub model: Model,
     /// Linear Rec.709 albedo or metal reflectance, in [0, 1].
     pub base_color: Rgb,
-    /// Multiplies the base colour.
+    /// Image that multiplies the base colour.
     pub texture: Option<Arc<Texture>>,
     /// Perceptual roughness in [0, 1]; the GGX slope is its square.
     pub roughness: f32,
-    /// Multiplies the roughness.
+    /// Image that multiplies the roughness.
     pub roughness_map: Option<ScalarMap>,
-    /// IOR of a dielectric or of a coat, over that of air.
+    /// Index of refraction of a dielectric or of a coat, relative to air.
     pub ior: f32,
-    /// Strength of a plastic's coat in [0, 1]: the rest is the bare diffuse base.
+    /// Weight in [0, 1] of a plastic with its coat; the rest is the bare diffuse base.
     pub specular: f32,
-    /// Multiplies the strength of the coat.
+    /// Image that multiplies the weight of the coat.
     pub specular_map: Option<ScalarMap>,
-    /// Share of a metal of the same base colour and roughness in [0, 1]; of an opaque model.
+    /// Weight in [0, 1] of a metal of the same base colour and roughness, for an opaque model.
     pub metallic: f32,
-    /// Multiplies the share of metal.
+    /// Image that multiplies the weight of the metal.
     pub metallic_map: Option<ScalarMap>,
     /// Probability in [0, 1] that a ray does not pass straight through.
     pub opacity: f32,
-    /// Multiplies the opacity.
+    /// Image that multiplies the opacity.
     pub opacity_map: Option<ScalarMap>,
-    /// An opacity below it counts as 0, any other as 1.
+    /// Threshold below which an opacity counts as 0, and from which on as 1; `None` for none.
     pub opacity_cutoff: Option<f32>,
-    /// Relief.
+    /// Image that tilts the shading normal.
     pub relief: Option<Relief>,
     /// Radiance emitted by the front side, W·m⁻²·sr⁻¹, linear Rec.709.
     pub emission: Rgb,
-    /// Multiplies the emission.
+    /// Image that multiplies the emission.
     pub emission_texture: Option<Arc<Texture>>,
     /// Whether the back side emits too.
     pub emission_two_sided: bool,
@@ -77,24 +89,24 @@ pub struct MaterialParams {
 /// An image that tilts the shading normal.
 #[derive(Clone, Debug)]
 pub enum Relief {
-    /// Tangent-space normals, x right, y up, stored as (n + 1)/2; `scale` multiplies x and y.
+    /// Tangent-space normals n, x right, y up, stored as (n + 1)/2.
     NormalMap {
-        /// The image, linear.
+        /// Image of the normals, linear.
         texture: Arc<Texture>,
-        /// Factor on x and y.
+        /// Factor on x and y of the normals.
         scale: f32,
     },
-    /// Heights in units of the texture's width; `scale` multiplies them.
+    /// Heights above the surface.
     BumpMap {
-        /// The image.
+        /// Image of the heights.
         height: ScalarMap,
-        /// Factor on the heights.
+        /// Height of the value 1, in widths of the image on the surface.
         scale: f32,
     },
 }
 
 impl Default for MaterialParams {
-    /// Diffuse grey.
+    /// Diffuse grey of albedo 0.8; with other models roughness 0.5 and an index of refraction of 1.5.
     fn default() -> Self {
         Self {
             model: Model::Diffuse,
@@ -119,7 +131,7 @@ impl Default for MaterialParams {
 }
 
 impl MaterialParams {
-    /// All images, for [`super::texture::fit`].
+    /// All images, for [`super::texture::fit`] to halve.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Arc<Texture>> {
         let maps =
             [&mut self.roughness_map, &mut self.specular_map, &mut self.metallic_map, &mut self.opacity_map];
@@ -211,7 +223,7 @@ impl Material {
         self.params.model
     }
 
-    /// GGX slope where no image varies it; `None` is smooth.
+    /// GGX slope α where no image varies it; `None` for a smooth surface.
     #[must_use]
     pub fn alpha(&self) -> Option<f32> {
         self.alpha
@@ -230,31 +242,31 @@ impl Material {
         self.params.roughness_map.as_ref()
     }
 
-    /// IOR of a dielectric or of a coat, over that of air.
+    /// Index of refraction of a dielectric or of a coat, relative to air.
     #[must_use]
     pub fn ior(&self) -> f32 {
         self.params.ior
     }
 
-    /// Strength of a plastic's coat without its image.
+    /// Weight of a plastic's coat without its image.
     #[must_use]
     pub fn specular(&self) -> f32 {
         self.params.specular
     }
 
-    /// Image that multiplies the strength of the coat.
+    /// Image that multiplies the weight of the coat.
     #[must_use]
     pub fn specular_map(&self) -> Option<&ScalarMap> {
         self.params.specular_map.as_ref()
     }
 
-    /// Share of metal of an opaque model that is not one, without its image.
+    /// Weight of the metal in an opaque model that is none itself, without its image.
     #[must_use]
     pub fn metallic(&self) -> f32 {
         self.params.metallic
     }
 
-    /// Image that multiplies the share of metal.
+    /// Image that multiplies the weight of the metal.
     #[must_use]
     pub fn metallic_map(&self) -> Option<&ScalarMap> {
         self.params.metallic_map.as_ref()
@@ -272,13 +284,13 @@ impl Material {
         self.params.opacity_map.as_ref()
     }
 
-    /// An opacity below it counts as 0, any other as 1.
+    /// Threshold below which an opacity counts as 0, and from which on as 1; `None` for none.
     #[must_use]
     pub fn opacity_cutoff(&self) -> Option<f32> {
         self.params.opacity_cutoff
     }
 
-    /// What tilts the shading normal.
+    /// Image that tilts the shading normal.
     #[must_use]
     pub fn relief(&self) -> Option<&Relief> {
         self.params.relief.as_ref()
@@ -357,12 +369,6 @@ impl Material {
     #[must_use]
     pub fn emission_texture(&self) -> Option<&Texture> {
         self.params.emission_texture.as_deref()
-    }
-
-    /// Radiance emitted at `uv`, W·m⁻²·sr⁻¹.
-    #[must_use]
-    pub fn emission(&self, uv: Vec2) -> Rgb {
-        self.params.emission * self.params.emission_texture.as_ref().map_or(Rgb::ONE, |t| t.sample(uv))
     }
 
     /// The scattering function at `uv` for the base colour as it is; `sampling_value` is the

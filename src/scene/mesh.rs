@@ -6,6 +6,11 @@ use glam::{Vec2, Vec3};
 
 use crate::{embree::MAX_COORDINATE, light::Surroundings, math::Bounds};
 
+/// Least radius of a scene's bounding sphere, metres, so that a density over it is finite.
+const MIN_RADIUS: f32 = 1e-3;
+/// Factor on the radius of a scene's bounding sphere: a thousand roundings of an f32.
+const RADIUS_MARGIN: f32 = 1.0001;
+
 /// An indexed triangle mesh with per-triangle material and object.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -15,34 +20,34 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, v up.
     pub uvs: Vec<Vec2>,
-    /// Vertices of each triangle.
+    /// Vertex indices of each triangle, counter-clockwise seen from the front.
     pub indices: Vec<[u32; 3]>,
-    /// Material of each triangle.
+    /// Index of the material of each triangle.
     pub materials: Vec<u32>,
-    /// Object of each triangle.
+    /// Index of the object, or group, of each triangle.
     pub objects: Vec<u32>,
 }
 
 impl Mesh {
-    /// Corner positions of a triangle.
+    /// Corner positions of a triangle, metres.
     #[must_use]
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.indices[triangle].map(|i| self.positions[i as usize])
     }
 
-    /// The box that holds all vertices, those that no triangle uses included.
+    /// Bounding box of all vertices, those that no triangle uses included.
     #[must_use]
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.positions.iter().copied())
     }
 
-    /// The ball that holds all triangles, and how far away is outside of it for
-    /// whoever is in it or at `camera`.
+    /// Bounding sphere of all triangles, and a distance that leads out of it from anywhere inside and
+    /// from `camera`.
     #[must_use]
     pub fn surroundings(&self, camera: Vec3) -> Surroundings {
         let used = || self.indices.iter().flatten().map(|&i| self.positions[i as usize]);
         let center = Bounds::of(used()).center();
-        let radius = used().map(|p| p.distance(center)).fold(0.0, f32::max).max(1e-3) * 1.0001;
+        let radius = used().map(|p| p.distance(center)).fold(0.0, f32::max).max(MIN_RADIUS) * RADIUS_MARGIN;
         Surroundings { center, radius, far: 3.0 * radius + camera.distance(center) }
     }
 }
@@ -53,7 +58,7 @@ pub fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
 }
 
-/// Whether a triangle has an area that can be computed with, and a place that rays reach.
+/// Whether a triangle has a positive, finite area and coordinates that Embree accepts.
 #[must_use]
 pub fn is_proper(corners: [Vec3; 3]) -> bool {
     let n = face_normal(corners);
@@ -62,11 +67,10 @@ pub fn is_proper(corners: [Vec3; 3]) -> bool {
         && n.length_squared() > 0.0
 }
 
-/// Corner normals of triangles that came without: the angle-weighted mean of
-/// the faces that meet at the same position, across edges that bend by less
-/// than `crease` radians.
+/// Unit vertex normals of triangles that come without, three a triangle.
 ///
-/// \[Thurmer98\] (angle weights). Returns three normals a triangle.
+/// Each is the angle-weighted mean \[Thurmer98\] of the normals of the faces that meet at the same
+/// position and bend from the triangle's own by at most `crease`, radians.
 #[must_use]
 pub fn smooth_normals(positions: &[Vec3], indices: &[[u32; 3]], crease: f32) -> Vec<[Vec3; 3]> {
     let corners = |t: &[u32; 3]| t.map(|i| positions[i as usize]);

@@ -30,7 +30,7 @@ pub const TEXTURE_BUDGET: u64 = 1 << 30;
 /// 16384² texels of 8 bits.
 const MAX_DECODED: u64 = 1 << 30;
 
-/// Largest width and height of an image.
+/// Largest width and height of an image, texels; 4096 such rows of 8 bits take [`MAX_DECODED`].
 const MAX_SIDE: u32 = 1 << 16;
 
 /// What the numbers of an 8- or 16-bit image mean; floating-point images are linear.
@@ -46,7 +46,7 @@ pub enum Encoding {
 #[derive(Clone, Debug)]
 pub struct Texture {
     image: Arc<Image>,
-    /// Maps texture coordinates of the surface to those of the image.
+    /// Transformation from the surface's texture coordinates to the image's, v up.
     transform: Affine2,
 }
 
@@ -63,7 +63,7 @@ struct Image {
 }
 
 impl fmt::Debug for Image {
-    /// Its texels by their hash.
+    /// Size and encoding, and a hash for the texels.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hash = match &self.texels {
             Texels::U8(t) => hash_bytes(t.as_flattened().iter().copied()),
@@ -86,9 +86,9 @@ enum Texels {
 /// The numbers of one channel of an image.
 #[derive(Clone, Debug)]
 pub struct ScalarMap {
-    /// The image.
+    /// Image that holds the numbers.
     pub texture: Arc<Texture>,
-    /// Which channel.
+    /// Channel that holds the numbers.
     pub channel: Channel,
 }
 
@@ -200,11 +200,11 @@ impl Image {
     }
 }
 
-/// Four neighbouring texels and where between them a point lies.
+/// The four texels that bilinear filtering mixes at a point.
 struct Footprint {
     /// Top left, top right, bottom left, bottom right.
     texels: [Vec4; 4],
-    /// From the left and from the top, in [0, 1).
+    /// Position of the point between them, from the left and from the top, in [0, 1).
     at: Vec2,
 }
 

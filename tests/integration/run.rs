@@ -318,7 +318,6 @@ fn scenes_that_cannot_be_lit_are_errors_that_leave_nothing() {
             "light `key` does not light the picture",
         ),
         ("[-0.8, 1.2, 0.8]", "[-0.8, 0.0, 0.8]", "light `fill` is within"),
-        ("[-0.8, 1.2, 0.8]", "[-0.8, 0.000005, 0.8]", "light `fill` is within 5.0e-6 m of a surface"),
         ("[\"box\"]", "[\"*\"]", "every pixel as main object"),
         ("look_at = [0.0, 0.5, 0.0]", "look_at = [0.0, 1.0, 9.0]", "no pixel as main object"),
     ] {

@@ -138,8 +138,8 @@ impl Mesh {
         mesh.finish(material)
     }
 
-    /// Rectangular patch, its normals its own (so that it meets other patches in a crease).
-    /// It faces the side from which `(i, j)` run counter-clockwise.
+    /// Rectangular patch with normals of its own, so that it meets other patches in a crease. The
+    /// front is the side from which `(i, j)` run counter-clockwise.
     pub fn patch(n: usize, m: usize, f: impl Fn(usize, usize) -> DVec3, material: Material) -> Self {
         let grid = (0..=n).flat_map(|i| (0..=m).map(move |j| (i, j)));
         let positions = grid.map(|(i, j)| f(i, j)).collect();

@@ -1,4 +1,4 @@
-//! Which fruit lie where: hand-placed, then settled.
+//! Positions of the fruit: placed by hand, then settled under gravity.
 
 use glam::{DQuat, DVec3};
 
@@ -9,20 +9,29 @@ use super::settle::{Body, Link, Shape, settle};
 use super::stage::table_height;
 use super::wicker;
 
-/// A named thing of the scene.
+/// A named object of the scene.
 pub struct Object {
-    /// Its name in the OBJ file.
+    /// Name in the OBJ file.
     pub name: String,
-    /// Its surface, in world space.
+    /// Surface in world space, metres.
     pub mesh: Mesh,
 }
 
-/// Turns the stem from +y toward `stem` after a turn of `spin` about it.
+/// Steps in which the fruit settle; one that nothing holds sinks by 0.22 m.
+const FRUIT_STEPS: usize = 420;
+/// Steps in which the grapes settle on the fruit; one that nothing holds sinks by 0.16 m.
+const GRAPE_STEPS: usize = 300;
+/// Step by which the stalk is let down onto the fruit, metres.
+const DROP_STEP: f64 = 0.0005;
+/// Clearance of the stalk's pinned end above the fruit, metres: nearly a grape's diameter.
+const STALK_CLEARANCE: f64 = 0.017;
+
+/// Rotation that turns the stem from +y toward `stem`, after a rotation by `spin`, radians, about it.
 fn tilted(stem: [f64; 3], spin: f64) -> DQuat {
     DQuat::from_rotation_arc(DVec3::Y, DVec3::from_array(stem).normalize()) * DQuat::from_rotation_y(spin)
 }
 
-/// The basket's wall, rim and base as an obstacle.
+/// Signed distance, metres, from the basket's wall, rim and base, and the direction out.
 fn basket_distance(p: DVec3) -> (f64, DVec3) {
     let axial = p.x.hypot(p.z);
     let outward = DVec3::new(p.x, 0.0, p.z) / axial.max(1e-9);
@@ -46,22 +55,28 @@ fn basket_distance(p: DVec3) -> (f64, DVec3) {
     best
 }
 
+/// Signed distance, metres, from the table's top, and the direction out.
 fn table_distance(p: DVec3) -> (f64, DVec3) {
     (p.y - table_height(p.x, p.z), DVec3::Y)
 }
 
-/// A hand-placed fruit: kind, where it starts, where its stem points, spin about the stem.
+/// A fruit placed by hand: kind, start, metres, direction of its stem, rotation about the stem, radians.
 type Placement = (Kind, [f64; 3], [f64; 3], f64);
 
 #[derive(Clone, Copy)]
 enum Kind {
+    /// Radius, metres, and skin.
     Apple(f64, Ramp),
+    /// Height, metres, and skin.
     Pear(f64, Ramp),
+    /// Radius, metres, cells an edge (see [`Mesh::star`]) and skin.
     Orange(f64, i32, Material),
+    /// Number in the hand.
     Bananas(usize),
 }
 
 impl Kind {
+    /// The kind's name and a fruit of it; a hidden apple has fewer vertices.
     fn build(self, hidden: bool, rng: &mut Rng) -> (&'static str, Fruit) {
         match self {
             Self::Apple(r, skin) => ("apple", fruit::apple(r, if hidden { 16 } else { 30 }, &skin, rng)),
@@ -72,7 +87,7 @@ impl Kind {
     }
 }
 
-/// The lowest layer, of which little is seen.
+/// Lowest layer, of which little is seen.
 const BOTTOM: &[Placement] = &[
     (Kind::Orange(0.037, 10, "orange_1"), [0.000, 0.095, 0.000], [0.0, 1.0, 0.0], 0.0),
     (Kind::Apple(0.038, GREEN), [0.086, 0.095, 0.000], [0.5, 1.0, 0.2], 0.4),
@@ -83,7 +98,7 @@ const BOTTOM: &[Placement] = &[
     (Kind::Apple(0.038, GALA), [0.043, 0.095, -0.075], [0.2, 1.0, -0.3], 5.0),
 ];
 
-/// What shows above the rim, and what lies beside the basket.
+/// Fruit above the rim and beside the basket.
 const TOP: &[Placement] = &[
     (Kind::Apple(0.0415, RED), [0.016, 0.172, 0.090], [0.15, 0.85, 0.55], 0.3),
     (Kind::Orange(0.0395, 28, "orange_1"), [0.088, 0.165, 0.062], [0.50, 0.75, 0.55], 1.2),
@@ -101,7 +116,7 @@ const TOP: &[Placement] = &[
     (Kind::Pear(0.096, PEAR), [0.205, 0.040, 0.085], [0.90, 0.05, -0.35], 2.0),
 ];
 
-/// Nodes of the grapes' stalk, from its pinned end on the pile over the rim and down.
+/// Nodes of the grapes' stalk, metres, from its pinned end on the pile over the rim and down.
 const STALK: &[[f64; 3]] = &[
     [-0.030, 0.240, 0.095],
     [-0.042, 0.222, 0.112],
@@ -111,69 +126,21 @@ const STALK: &[[f64; 3]] = &[
     [-0.077, 0.141, 0.186],
     [-0.081, 0.118, 0.199],
 ];
+/// Number of grapes at each node of the stalk: a bunch is fullest below its shoulder.
 const GRAPES_A_NODE: [usize; 7] = [8, 12, 13, 15, 14, 9, 4];
+/// Skins of the grapes.
 const GRAPE_SKINS: [Material; 3] = ["grape_1", "grape_2", "grape_3"];
 
 /// Piles everything and returns the fruit in world space, the basket first.
 pub fn pile(rng: &mut Rng) -> Vec<Object> {
     let mut objects = vec![Object { name: "basket".into(), mesh: wicker::basket(rng) }];
-    let mut bodies = Vec::new();
-    let mut meshes = Vec::new();
-    for (hidden, &(kind, at, stem, spin)) in
-        BOTTOM.iter().map(|p| (true, p)).chain(TOP.iter().map(|p| (false, p)))
-    {
-        let (name, fruit) = kind.build(hidden, rng);
-        meshes.push((name, fruit.mesh));
-        bodies.push(Body {
-            position: DVec3::from_array(at),
-            rotation: tilted(stem, spin),
-            shape: fruit.shape,
-            mobility: 1.0,
-        });
-    }
-    let fruits = bodies.len();
-    settle(&mut bodies, &[], &[&basket_distance, &table_distance], 420);
+    let (mut bodies, meshes) = placed_fruit(rng);
+    settle(&mut bodies, &[], &[&basket_distance, &table_distance], FRUIT_STEPS);
 
     // The fruit stay; the grapes come to lie on them.
     bodies.iter_mut().for_each(|b| b.mobility = 0.0);
-    let mut links = Vec::new();
-    // The pinned end of the stalk starts in the air: let it down onto the fruit.
-    let mut drop = 0.0;
-    let free = |drop: f64| {
-        let p = DVec3::from_array(STALK[0]) - DVec3::Y * drop;
-        p.y > wicker::RIM_HEIGHT && !bodies.iter().any(|b| b.shape.touches(b.position, b.rotation, p, 0.017))
-    };
-    while free(drop) {
-        drop += 0.0005;
-    }
-    for (i, &at) in STALK.iter().enumerate() {
-        let shape = Shape::Balls(vec![(DVec3::ZERO, 0.0035)]);
-        let mobility = if i == 0 { 0.0 } else { 4.0 };
-        let position = DVec3::from_array(at) - DVec3::Y * drop;
-        bodies.push(Body { position, rotation: DQuat::IDENTITY, shape, mobility });
-        if i > 0 {
-            let length = DVec3::from_array(at).distance(DVec3::from_array(STALK[i - 1]));
-            links.push(Link { ends: [fruits + i - 1, fruits + i], length });
-        }
-    }
-    let first_grape = bodies.len();
-    let mut radii = Vec::new();
-    for (node, &count) in GRAPES_A_NODE.iter().enumerate() {
-        for _ in 0..count {
-            let r = rng.range(0.0086, 0.0106);
-            let offset = rng.direction() * rng.range(0.012, 0.032) + DVec3::Y * (0.014 - drop);
-            links.push(Link { ends: [fruits + node, bodies.len()], length: r + rng.range(0.006, 0.021) });
-            let position = DVec3::from_array(STALK[node]) + offset;
-            bodies.push(Body {
-                position,
-                rotation: DQuat::IDENTITY,
-                shape: Shape::Balls(vec![(DVec3::ZERO, r)]),
-                mobility: 1.0,
-            });
-            radii.push(r);
-        }
-    }
-    settle(&mut bodies, &links, &[&basket_distance, &table_distance], 300);
+    let bunch = Bunch::hang(&mut bodies, rng);
+    settle(&mut bodies, &bunch.links, &[&basket_distance, &table_distance], GRAPE_STEPS);
 
     let mut counts = std::collections::BTreeMap::new();
     for (body, (kind, mesh)) in bodies.iter().zip(meshes) {
@@ -181,22 +148,101 @@ pub fn pile(rng: &mut Rng) -> Vec<Object> {
         let name = if kind == "bananas" { kind.into() } else { format!("{kind}_{n}") };
         objects.push(Object { name, mesh: mesh.placed(body.rotation, body.position) });
     }
-    let stalk: Vec<DVec3> = bodies[fruits..first_grape].iter().map(|b| b.position).collect();
-    let mut cluster = stalk_mesh(&stalk);
-    for (i, (body, &r)) in bodies[first_grape..].iter().zip(&radii).enumerate() {
-        let anchor = links[STALK.len() - 1 + i].ends[0];
-        let toward = (bodies[anchor].position - body.position).normalize_or(DVec3::Y);
-        let turn = DQuat::from_rotation_arc(DVec3::Y, toward);
-        cluster
-            .append(fruit::grape(r, GRAPE_SKINS[(rng.range(0.0, 3.0)) as usize]).placed(turn, body.position));
-        let pedicel = [body.position + toward * r * 0.9, bodies[anchor].position];
-        if pedicel[0].distance(pedicel[1]) > 0.002 {
-            cluster.append(Mesh::tube(&pedicel, 5, |_| 0.0007, "grape_stem"));
-        }
-    }
-    objects.push(Object { name: "grapes".into(), mesh: cluster });
+    objects.push(Object { name: "grapes".into(), mesh: bunch.mesh(&bodies, rng) });
     objects.extend(strays(rng));
     objects
+}
+
+/// The fruit where they start: bodies, and for each the name of its kind and its surface.
+fn placed_fruit(rng: &mut Rng) -> (Vec<Body>, Vec<(&'static str, Mesh)>) {
+    let placements = BOTTOM.iter().map(|p| (true, p)).chain(TOP.iter().map(|p| (false, p)));
+    let place = |(hidden, &(kind, at, stem, spin)): (bool, &Placement)| {
+        let (name, fruit) = kind.build(hidden, rng);
+        let body = Body {
+            position: DVec3::from_array(at),
+            rotation: tilted(stem, spin),
+            shape: fruit.shape,
+            mobility: 1.0,
+        };
+        (body, (name, fruit.mesh))
+    };
+    placements.map(place).unzip()
+}
+
+/// The bunch of grapes: which of the bodies are the nodes of its stalk and its grapes.
+struct Bunch {
+    /// Index of the body that is the first node of the stalk.
+    first_node: usize,
+    /// Index of the body that is the first grape.
+    first_grape: usize,
+    /// Radius of each grape, metres.
+    radii: Vec<f64>,
+    /// Links along the stalk, then one from its node to each grape.
+    links: Vec<Link>,
+}
+
+impl Bunch {
+    /// Adds the bunch to the bodies, its pinned end just above the fruit.
+    fn hang(bodies: &mut Vec<Body>, rng: &mut Rng) -> Self {
+        // The pinned end of the stalk starts in the air: let it down onto the fruit.
+        let mut drop = 0.0;
+        let free = |drop: f64| {
+            let p = DVec3::from_array(STALK[0]) - DVec3::Y * drop;
+            let touches = |b: &Body| b.shape.touches(b.position, b.rotation, p, STALK_CLEARANCE);
+            p.y > wicker::RIM_HEIGHT && !bodies.iter().any(touches)
+        };
+        while free(drop) {
+            drop += DROP_STEP;
+        }
+        let first_node = bodies.len();
+        let mut links = Vec::new();
+        for (i, &at) in STALK.iter().enumerate() {
+            let position = DVec3::from_array(at) - DVec3::Y * drop;
+            bodies.push(ball(position, 0.0035, if i == 0 { 0.0 } else { 4.0 }));
+            if i > 0 {
+                let length = DVec3::from_array(at).distance(DVec3::from_array(STALK[i - 1]));
+                links.push(Link { ends: [first_node + i - 1, first_node + i], length });
+            }
+        }
+        let first_grape = bodies.len();
+        let mut radii = Vec::new();
+        for (node, &count) in GRAPES_A_NODE.iter().enumerate() {
+            for _ in 0..count {
+                let r = rng.range(0.0086, 0.0106);
+                let offset = rng.direction() * rng.range(0.012, 0.032) + DVec3::Y * (0.014 - drop);
+                let length = r + rng.range(0.006, 0.021);
+                links.push(Link { ends: [first_node + node, bodies.len()], length });
+                bodies.push(ball(DVec3::from_array(STALK[node]) + offset, r, 1.0));
+                radii.push(r);
+            }
+        }
+        Self { first_node, first_grape, radii, links }
+    }
+
+    /// Surface of stalk, grapes and pedicels where the bodies have settled.
+    fn mesh(&self, bodies: &[Body], rng: &mut Rng) -> Mesh {
+        let stalk: Vec<DVec3> =
+            bodies[self.first_node..self.first_grape].iter().map(|b| b.position).collect();
+        let mut cluster = stalk_mesh(&stalk);
+        for (i, (body, &r)) in bodies[self.first_grape..].iter().zip(&self.radii).enumerate() {
+            let anchor = self.links[STALK.len() - 1 + i].ends[0];
+            let toward = (bodies[anchor].position - body.position).normalize_or(DVec3::Y);
+            let turn = DQuat::from_rotation_arc(DVec3::Y, toward);
+            let skin = GRAPE_SKINS[(rng.range(0.0, 3.0)) as usize];
+            cluster.append(fruit::grape(r, skin).placed(turn, body.position));
+            let pedicel = [body.position + toward * r * 0.9, bodies[anchor].position];
+            if pedicel[0].distance(pedicel[1]) > 0.002 {
+                cluster.append(Mesh::tube(&pedicel, 5, |_| 0.0007, "grape_stem"));
+            }
+        }
+        cluster
+    }
+}
+
+/// A ball at a position, of a radius, metres, and a mobility.
+fn ball(position: DVec3, radius: f64, mobility: f64) -> Body {
+    let shape = Shape::Balls(vec![(DVec3::ZERO, radius)]);
+    Body { position, rotation: DQuat::IDENTITY, shape, mobility }
 }
 
 /// The main stalk with its woody end.

@@ -8,6 +8,11 @@ use glam::{DQuat, DVec3};
 
 use super::mesh::Mesh;
 
+/// Cells of the polar angle in the profile of a star-shaped body, of 3.75° each.
+const CELLS: usize = 48;
+/// Points of a skin that are tested against other bodies, about.
+const FEELERS: usize = 300;
+
 /// Collision shape in a body's own coordinates.
 #[derive(Clone)]
 pub enum Shape {
@@ -25,7 +30,6 @@ pub enum Shape {
 impl Shape {
     /// A mesh that is star-shaped about its origin and nearly rotationally symmetric.
     pub fn star(mesh: &Mesh) -> Self {
-        const CELLS: usize = 48;
         let mut sums = vec![(0.0, 0.0); CELLS + 1];
         for p in &mesh.positions {
             let cell = p.y.atan2(p.x.hypot(p.z));
@@ -37,7 +41,7 @@ impl Shape {
             sums.iter().enumerate().filter(|(_, s)| s.1 > 0.0).map(|(i, s)| (i, s.0 / s.1)).collect();
         let nearest = |i: usize| known.iter().min_by_key(|k| k.0.abs_diff(i)).map_or(0.0, |k| k.1);
         let radii = (0..=CELLS).map(nearest).collect();
-        let stride = mesh.positions.len() / 300 + 1;
+        let stride = mesh.positions.len() / FEELERS + 1;
         Self::Star { radii, points: mesh.positions.iter().copied().step_by(stride).collect() }
     }
 
@@ -81,30 +85,30 @@ impl Shape {
     }
 }
 
-/// Something that can be piled.
+/// A rigid body that is piled.
 pub struct Body {
-    /// Where its origin is.
+    /// Position of the body's origin, metres.
     pub position: DVec3,
-    /// Its rotation, kept.
+    /// Rotation from the body's to world coordinates, which does not change.
     pub rotation: DQuat,
-    /// Its collision shape.
+    /// Collision shape in the body's coordinates.
     pub shape: Shape,
-    /// One over its mass; 0 holds it where it is.
+    /// Inverse of the mass, dimensionless; a body of mobility 0 stays where it is.
     pub mobility: f64,
 }
 
 /// Keeps the origins of two bodies no farther apart than `length`.
 pub struct Link {
-    /// The bodies.
+    /// Indices of the two bodies.
     pub ends: [usize; 2],
-    /// Longest distance, metres.
+    /// Largest distance of their origins, metres.
     pub length: f64,
 }
 
 /// A fixed obstacle: signed distance and direction out.
 pub type Obstacle<'a> = dyn Fn(DVec3) -> (f64, DVec3) + 'a;
 
-/// Deepest overlap at the first body's feelers as (depth, direction that frees the first).
+/// Deepest overlap of a body's feelers with a shape: depth, metres, and direction that frees the body.
 fn overlap<'a>(
     feelers: impl Iterator<Item = &'a (DVec3, f64)>,
     distance: impl Fn(DVec3) -> (f64, DVec3),
@@ -118,6 +122,12 @@ fn overlap<'a>(
         .max_by(|a, b| a.0.total_cmp(&b.0))
 }
 
+/// Distance by which bodies sink in a step, metres: a fourteenth of the smallest grape's radius, so
+/// that none passes through another.
+const FALL: f64 = 0.0006;
+/// Passes over all contacts in a step: more leave smaller overlaps in a deep pile, for as much more time.
+const ITERATIONS: usize = 4;
+
 /// Lets the bodies sink for `steps` steps, the last quarter ever more slowly.
 pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], steps: usize) {
     let local: Vec<Vec<(DVec3, f64)>> = bodies.iter().map(|b| b.shape.feelers()).collect();
@@ -130,9 +140,9 @@ pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], step
         local.iter().map(|l| l.iter().map(|&(p, r)| p.length() + r).fold(0.0, f64::max)).collect();
     for step in 0..steps {
         let left = (steps - step) as f64 / steps as f64;
-        let fall = 0.0006 * (4.0 * left).min(1.0);
+        let fall = FALL * (4.0 * left).min(1.0);
         bodies.iter_mut().filter(|b| b.mobility > 0.0).for_each(|b| b.position.y -= fall);
-        for _ in 0..4 {
+        for _ in 0..ITERATIONS {
             for link in links {
                 let [a, b] = link.ends;
                 let d = bodies[b].position - bodies[a].position;
@@ -143,31 +153,8 @@ pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], step
             }
             for a in 0..bodies.len() {
                 for b in 0..bodies.len() {
-                    let near = reach[a] + reach[b];
-                    let still = bodies[a].mobility + bodies[b].mobility == 0.0;
-                    if a == b
-                        || still
-                        || bodies[a].position.distance_squared(bodies[b].position) > near * near
-                    {
-                        continue;
-                    }
-                    // Balls against balls need one direction only.
-                    if b < a
-                        && matches!((&bodies[a].shape, &bodies[b].shape), (Shape::Balls(_), Shape::Balls(_)))
-                    {
-                        continue;
-                    }
-                    let (offset, back) =
-                        (bodies[a].position - bodies[b].position, bodies[b].rotation.inverse());
-                    let close = turned[a]
-                        .iter()
-                        .filter(|&&(p, r)| (p + offset).length_squared() < (reach[b] + r).powi(2));
-                    let field = |p: DVec3| {
-                        let (d, out) = bodies[b].shape.distance(back * (p + offset));
-                        (d, bodies[b].rotation * out)
-                    };
-                    if let Some((depth, out)) = overlap(close, field) {
-                        push(bodies, b, a, -out * depth);
+                    if a != b {
+                        separate(bodies, a, b, &turned[a], &reach);
                     }
                 }
                 if bodies[a].mobility == 0.0 {
@@ -181,6 +168,28 @@ pub fn settle(bodies: &mut [Body], links: &[Link], obstacles: &[&Obstacle], step
                 }
             }
         }
+    }
+}
+
+/// Pushes two bodies apart by the deepest overlap of the feelers of `a`, turned to world axes, with `b`.
+fn separate(bodies: &mut [Body], a: usize, b: usize, feelers: &[(DVec3, f64)], reach: &[f64]) {
+    let near = reach[a] + reach[b];
+    let still = bodies[a].mobility + bodies[b].mobility == 0.0;
+    if still || bodies[a].position.distance_squared(bodies[b].position) > near * near {
+        return;
+    }
+    // Balls against balls need one direction only.
+    if b < a && matches!((&bodies[a].shape, &bodies[b].shape), (Shape::Balls(_), Shape::Balls(_))) {
+        return;
+    }
+    let (offset, back) = (bodies[a].position - bodies[b].position, bodies[b].rotation.inverse());
+    let close = feelers.iter().filter(|&&(p, r)| (p + offset).length_squared() < (reach[b] + r).powi(2));
+    let field = |p: DVec3| {
+        let (d, out) = bodies[b].shape.distance(back * (p + offset));
+        (d, bodies[b].rotation * out)
+    };
+    if let Some((depth, out)) = overlap(close, field) {
+        push(bodies, b, a, -out * depth);
     }
 }
 

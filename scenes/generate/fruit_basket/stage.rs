@@ -7,9 +7,13 @@ use glam::DVec3;
 use super::mesh::Mesh;
 use super::random::noise;
 
+/// Half-extents of the table's top in x and z, metres.
 const HALF: [f64; 2] = [0.78, 0.50];
+/// Position of the table's centre in z, metres: the table reaches farther before the basket than behind.
 const CENTRE_Z: f64 = 0.10;
+/// Thickness of the table's top, metres.
 const THICKNESS: f64 = 0.036;
+/// Radius of the table's rounded edge, metres.
 const EDGE: f64 = 0.009;
 
 /// Height of the table at (x, z): long swells and a fine ripple, as of hand-planed, varnished wood.

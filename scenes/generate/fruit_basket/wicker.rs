@@ -7,21 +7,24 @@ use glam::DVec3;
 use super::mesh::{Material, Mesh};
 use super::random::{Rng, noise};
 
-/// Height of the rim's centre line above the table.
+/// Height of the rim's centre line above the table, metres.
 pub const RIM_HEIGHT: f64 = 0.104;
-/// Radius of the rim's centre line.
+/// Radius of the rim's centre line, metres.
 pub const RIM_RADIUS: f64 = 0.163;
-/// Half thickness of the woven wall.
+/// Half thickness of the woven wall, metres.
 pub const WALL: f64 = 0.0048;
-/// Radius of the twisted rim.
+/// Radius of the twisted rim, metres.
 pub const RIM_THICKNESS: f64 = 0.0085;
-/// Where the fruit stand: the upper side of the base.
+/// Height of the upper side of the base, on which the fruit stand, metres.
 pub const FLOOR: f64 = 0.052;
 
+/// Number of upright stakes; even, so that weavers pass them outside and inside in turn.
 const STAKES: usize = 32;
+/// Number of weavers one above the other: 6.2 mm apart, a little less than the 6.6 mm of one.
 const ROWS: usize = 15;
-/// Radial half thickness of a strand, and of a stake.
+/// Half thickness of a weaver across the wall and along it, metres.
 const STRAND: (f64, f64) = (0.0015, 0.0033);
+/// Half thickness of a stake across the wall and along it, metres.
 const STAKE: (f64, f64) = (0.0015, 0.0026);
 
 /// Radius of the wall at height `s` ∈ [0, 1] between foot and rim.

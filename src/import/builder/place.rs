@@ -1,29 +1,28 @@
-//! Where geometry is: units and axes of an OBJ, and the backdrop.
+//! Placement of geometry: units and axes of an OBJ, and the backdrop.
 
 use glam::Vec3;
 
-use super::Builder;
+use super::source::Source;
 use crate::{
     import::{
-        axes::place,
+        axes::to_metres_y_up,
         backdrop::{self, Sweep},
         error::ImportError,
         imported::{Imported, Part},
         sidecar::{BackdropSpec, Sidecar},
     },
-    math::Rgb,
     scene::material::MaterialParams,
 };
 
-impl Builder<'_> {
-    /// Brings an OBJ to metres, y up.
-    pub(super) fn place(&self, sidecar: &Sidecar, imported: &mut Imported) -> Result<(), ImportError> {
+impl Source<'_> {
+    /// Converts an OBJ to metres, y up, by the sidecar's `scale` and `up_axis`.
+    pub fn place(&self, sidecar: &Sidecar, imported: &mut Imported) -> Result<(), ImportError> {
         let given = [("scale", sidecar.scale.is_some()), ("up_axis", sidecar.up_axis.is_some())];
         if let (false, Some((key, _))) = (self.is_obj, given.iter().find(|(_, given)| *given)) {
             return Err(self.error(*key, "only for an OBJ: a glTF is in metres, y up"));
         }
         let scale = self.positive("scale", sidecar.scale.unwrap_or(1.0))?;
-        let n_lost = place(&mut imported.mesh, scale, sidecar.up_axis.unwrap_or_default());
+        let n_lost = to_metres_y_up(&mut imported.mesh, scale, sidecar.up_axis.unwrap_or_default());
         if imported.mesh.indices.is_empty() {
             let message = format!("no triangle is left of those that are {scale} as large");
             return Err(self.error("scale", message));
@@ -36,18 +35,11 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Adds the backdrop with its part and its material.
-    pub(super) fn add_backdrop(
-        &self,
-        spec: &BackdropSpec,
-        imported: &mut Imported,
-    ) -> Result<(), ImportError> {
+    /// Adds the backdrop: its triangles, a part named `backdrop`, and a material of the first unused
+    /// name among `backdrop`, `backdrop_` and so on.
+    pub fn add_backdrop(&self, spec: &BackdropSpec, imported: &mut Imported) -> Result<(), ImportError> {
         let sweep = self.sweep(spec)?;
-        let base_color = Rgb::from_array(spec.base_color);
-        if !(base_color.min_element() >= 0.0 && base_color.max_element() <= 1.0) {
-            let message = format!("channels must be in [0, 1], got {:?}", spec.base_color);
-            return Err(self.error("backdrop.base_color", message));
-        }
+        let base_color = self.albedo("backdrop.base_color", spec.base_color)?;
         let is_used = |name: &str| imported.materials.iter().any(|(n, _)| n == name);
         let mut name = backdrop::NAME.to_owned();
         while is_used(&name) {

@@ -1,20 +1,23 @@
-//! What the sidecar selects by name or place.
+//! Selections by name or place: the main object and the background.
 
 use glam::Vec3;
 
-use super::Builder;
-use crate::import::{
-    error::ImportError,
-    imported::{Imported, Part},
-    sidecar::{Selection, Sidecar},
+use super::source::Source;
+use crate::{
+    import::{
+        error::ImportError,
+        imported::{Imported, Part},
+        sidecar::{Selection, Sidecar},
+    },
+    scene::{Material, Mesh},
 };
 
-/// The pattern of all that a file holds, named or not.
+/// Pattern that selects the whole file, objects without a name included.
 const ALL: &str = "*";
 
-impl Builder<'_> {
-    /// Indices of the names that a pattern (a name, or a beginning and `*`) matches.
-    pub(super) fn matches<'n>(
+impl Source<'_> {
+    /// Indices of the names that match a pattern: a name, or a prefix and `*`. At least one does.
+    fn matches<'n>(
         &self,
         key: &str,
         pattern: &str,
@@ -29,23 +32,19 @@ impl Builder<'_> {
         if found.is_empty() { Err(self.unknown_name(key, pattern, names)) } else { Ok(found) }
     }
 
-    /// Which triangles of the scene file belong to the main object.
-    pub(super) fn main_object(
-        &self,
-        sidecar: &Sidecar,
-        imported: &mut Imported,
-    ) -> Result<Vec<bool>, ImportError> {
+    /// Whether each triangle of the scene file belongs to the main object.
+    pub fn main_object(&self, sidecar: &Sidecar, imported: &mut Imported) -> Result<Vec<bool>, ImportError> {
         if let Some(selection) = &sidecar.main_object {
             return self.select_main("main_object.objects", selection, imported);
         }
         let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
-        let file = self.toml_path.display();
+        let file = self.sidecar_path.display();
         imported.warnings.push(format!("{file} {reason}: everything is the main object"));
         Ok(vec![true; imported.mesh.indices.len()])
     }
 
-    /// Which triangles a selection names; `key` is where its objects were given.
-    pub(super) fn select_main(
+    /// Whether each triangle is selected, at least one being so; `key` is where the objects were given.
+    pub fn select_main(
         &self,
         key: &str,
         selection: &Selection,
@@ -90,7 +89,38 @@ impl Builder<'_> {
         Ok(is_main)
     }
 
-    /// Whether a point is in the box of a selection, if that has one.
+    /// The materials whose base colour the background's value scales: those that the sidecar names, else
+    /// those of which the main object has no triangle; always without those that have no base colour.
+    pub fn background(
+        &self,
+        sidecar: &Sidecar,
+        mesh: &Mesh,
+        is_main: &[bool],
+        materials: &[Material],
+    ) -> Result<Vec<usize>, ImportError> {
+        let mut selected = vec![false; materials.len()];
+        match &sidecar.background.materials {
+            Some(patterns) => {
+                let names = materials.iter().map(|m| m.name.as_str());
+                for pattern in patterns {
+                    for i in self.matches("background.materials", pattern, names.clone())? {
+                        selected[i] = true;
+                    }
+                }
+            }
+            None => {
+                for &m in &mesh.materials {
+                    selected[m as usize] = true;
+                }
+                for (&m, _) in mesh.materials.iter().zip(is_main).filter(|(_, main)| **main) {
+                    selected[m as usize] = false;
+                }
+            }
+        }
+        Ok((0..materials.len()).filter(|&i| selected[i] && materials[i].has_value()).collect())
+    }
+
+    /// Whether a point is in the box of a selection; never if it has none.
     fn inside(&self, selection: &Selection) -> Result<impl Fn(Vec3) -> bool + use<>, ImportError> {
         let corners = selection.inside.map(|c| c.map(Vec3::from_array));
         if let Some([lo, hi]) = corners

@@ -1,7 +1,6 @@
-//! The container: JSON, buffers and what is stored in them.
+//! The container: JSON, buffers, and the accessors into these.
 //!
-//! Nothing here trusts the file: every index and every range of bytes is
-//! checked where it is used, and what does not fit is an error.
+//! Every index and every range of bytes is checked where it is used; what does not fit is an error.
 
 use std::{
     collections::BTreeMap,
@@ -23,9 +22,10 @@ use gltf_json::{
 
 use serde_json::value::RawValue;
 
-use crate::import::ImportError;
+use crate::import::error::ImportError;
 
-/// Elements that an accessor without data may have.
+/// Elements of an accessor without data, whose values are zero, at most: a file of a few bytes then
+/// takes 2 GiB at worst, for matrices, and more vertices than this are not meant as zeros.
 const MAX_ZEROS: usize = 1 << 24;
 
 /// Extensions that a file may require because they are read, or change only
@@ -42,10 +42,10 @@ const KNOWN: [&str; 9] = [
     "KHR_xmp_json_ld",
 ];
 
-/// Compressed meshes.
+/// Extension of compressed meshes, which is not read but where a plain mesh stands beside it.
 pub const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Extensions that are not read, and how to do without.
+/// Extensions that are not read, and how to export without them.
 const ADVICE: [(&str, &str); 4] = [
     (DRACO, "export it again without mesh compression"),
     ("EXT_meshopt_compression", "export it again without mesh compression"),
@@ -55,15 +55,15 @@ const ADVICE: [(&str, &str); 4] = [
 
 /// A glTF with its buffers.
 pub struct File {
-    /// Where it was read from.
+    /// Path that the file was read from.
     pub path: PathBuf,
-    /// The JSON.
+    /// Parsed JSON, without the animations.
     pub root: Root,
-    /// Buffers; `None` where the file holds no data.
+    /// Bytes of each buffer; `None` where the file holds no data for one.
     buffers: Vec<Option<Vec<u8>>>,
 }
 
-/// What must be known before the rest can be understood.
+/// The members that decide whether the rest can be understood.
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Head {
@@ -118,15 +118,15 @@ impl File {
         Ok(file)
     }
 
-    /// What is wrong with a key of the file.
+    /// The error of a key of the file.
     pub fn error(&self, key: impl Into<String>, message: impl Into<String>) -> ImportError {
         ImportError::Key { path: self.path.clone(), key: key.into(), message: message.into() }
     }
 
-    /// What an index at `key` points to.
+    /// The object that an index at `key` points to.
     ///
     /// # Errors
-    /// When there is no such thing.
+    /// When the index is out of range.
     pub fn get<T>(&self, key: &str, index: Index<T>) -> Result<&T, ImportError>
     where
         Root: Get<T>,
@@ -139,7 +139,7 @@ impl File {
     /// The file that a relative URI names.
     ///
     /// # Errors
-    /// When it has a scheme such as `http`.
+    /// When the URI has a scheme such as `http`.
     pub fn path_of(&self, key: &str, uri: &str) -> Result<PathBuf, ImportError> {
         if uri.contains("://") {
             let message = format!("must be a file beside the scene or a data URI, got `{uri}`");
@@ -151,10 +151,10 @@ impl File {
         Ok(if !decoded.is_file() && literal.is_file() { literal } else { decoded })
     }
 
-    /// The bytes that a URI stands for.
+    /// The bytes of a data URI, or of the file that a relative URI names.
     ///
     /// # Errors
-    /// When they cannot be read.
+    /// When the URI is malformed or the file cannot be read.
     fn read_uri(&self, key: &str, uri: &str) -> Result<Vec<u8>, ImportError> {
         if let Some(data) = self.data_uri(key, uri) {
             return data;
@@ -184,7 +184,7 @@ impl File {
     /// The bytes of a buffer view.
     ///
     /// # Errors
-    /// When it reaches beyond its buffer.
+    /// When the view or its buffer does not exist, or the view reaches beyond the buffer.
     pub fn view(&self, key: &str, index: Index<View>) -> Result<&[u8], ImportError> {
         let view = self.get(key, index)?;
         let key = format!("bufferViews[{}]", index.value());
@@ -204,11 +204,11 @@ impl File {
         })
     }
 
-    /// The elements of an accessor of `N` components, integers as what they
-    /// stand for when normalised. `key` says what needs them.
+    /// The elements of an accessor of `N` components; normalised integers as fractions. `key` is that
+    /// of the reference to the accessor.
     ///
     /// # Errors
-    /// When it is of another type, or its data are not all there.
+    /// When the accessor does not exist, has another number of components, or lacks data.
     pub fn elements<const N: usize>(
         &self,
         key: &str,
@@ -264,7 +264,7 @@ impl File {
         Ok(out)
     }
 
-    /// `count` pieces of `size` bytes of a view.
+    /// `count` pieces of `size` bytes of a view, `byteStride` apart, from `offset` on.
     fn strided<'a>(
         &'a self,
         key: &str,
@@ -292,20 +292,20 @@ impl File {
     }
 }
 
-/// That an extension is not read, and what to do.
+/// Words that say that an extension is not read, and what to do.
 pub fn not_read(extension: &str) -> String {
     let advice = ADVICE.iter().find(|(n, _)| *n == extension).map(|(_, a)| format!("; {a}"));
     format!("which this program does not read{}", advice.unwrap_or_default())
 }
 
-/// Parses all but the animations, whose targets `gltf-json` does not know all.
+/// Parses the JSON without the animations: `gltf-json` refuses targets that extensions add to these.
 fn parse(json: &[u8]) -> serde_json::Result<Root> {
     let mut members: BTreeMap<String, &RawValue> = serde_json::from_slice(json)?;
     members.remove("animations");
     serde_json::from_str(&serde_json::to_string(&members)?)
 }
 
-/// The given bytes of `data`, if it has them.
+/// `length` bytes of `data` from `offset` on; `None` where it has fewer.
 fn slice(data: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
     let start = usize::try_from(offset).ok()?;
     data.get(start..start.checked_add(usize::try_from(length).ok()?)?)

@@ -1,4 +1,4 @@
-//! Triangles of primitives.
+//! Triangles of mesh primitives.
 
 use glam::{Mat3, Mat4, Vec2, Vec3};
 use gltf_json::{
@@ -8,38 +8,43 @@ use gltf_json::{
 };
 
 use super::{
-    Reader,
-    file::{DRACO, not_read},
-    material::Placement,
+    file::{DRACO, File, not_read},
+    material::Materials,
+    texture::UvMapping,
+    warnings::Warnings,
 };
 use crate::{
-    import::ImportError,
-    scene::mesh::{face_normal, is_proper},
+    import::error::ImportError,
+    scene::mesh::{Mesh, face_normal, is_proper},
 };
 
-/// How far texture coordinates may leave the unit square unnoticed.
+/// How far texture coordinates may leave the unit square without a warning that images repeat: a
+/// fiftieth of a texel of a 1024 image is rounding, a texel is not.
 const UV_TOLERANCE: f32 = 1e-3;
-/// Vertex colours from here on count as white.
+/// Vertex colours from here on count as white: half a step of 8 bits is 0.002.
 const WHITE: f64 = 0.999;
 
-/// Where a primitive stands.
+/// Transformation of a primitive to world space.
 pub enum Pose {
-    /// All vertices alike.
+    /// One transformation for all vertices.
     Rigid(Mat4),
-    /// Vertices by their weights of joints.
+    /// Joint matrices of a skin, blended at every vertex by its weights.
     Skinned(Vec<Mat4>),
 }
 
-/// A primitive in its own coordinates, morphed.
-pub struct Shape {
+/// A primitive in its own coordinates, morph targets applied.
+pub struct PrimitiveMesh {
+    /// Index of the material in [`Materials::list`].
+    material: u32,
     positions: Vec<Vec3>,
+    /// Unnormalised vertex normals; `None` for flat faces.
     normals: Option<Vec<Vec3>>,
-    /// Texture coordinates, v up.
+    /// Texture coordinates of the material's images, v up.
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Joints of each vertex with their weights.
-    bones: Vec<Vec<(usize, f32)>>,
-    /// Strips and fans have degenerate triangles by design.
+    /// Joints of each vertex with their weights; empty without a skin.
+    joint_weights: Vec<Vec<(usize, f32)>>,
+    /// Whether triangles come from a strip or fan, which have degenerate ones by design.
     is_strip: bool,
 }
 
@@ -47,101 +52,68 @@ fn vectors(elements: Vec<[f64; 3]>) -> Vec<Vec3> {
     elements.into_iter().map(|e| Vec3::from_array(e.map(|v| v as f32))).collect()
 }
 
-impl Reader<'_> {
-    /// Reads a primitive and its material; `None` when it has no triangles.
-    pub fn read_primitive(
-        &mut self,
-        key: &str,
-        primitive: &Primitive,
-        weights: &[f32],
-    ) -> Result<Option<(Shape, u32)>, ImportError> {
-        let file = self.file;
-        let attribute = |semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
-        let Checked::Valid(mode) = primitive.mode else {
-            return Err(file.error(format!("{key}.mode"), "must be 0 to 6"));
-        };
-        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
-            self.notes.add(format!("{}: points and lines are left out", file.path.display()));
+/// The vertex attributes of a primitive.
+struct Attributes<'a> {
+    file: &'a File,
+    /// The primitive's key, for messages.
+    key: &'a str,
+    primitive: &'a Primitive,
+    n_vertices: usize,
+}
+
+impl Attributes<'_> {
+    /// Reads an attribute; `None` if the primitive lacks it. `name` is for messages.
+    fn read<const N: usize>(
+        &self,
+        semantic: Semantic,
+        name: &str,
+    ) -> Result<Option<Vec<[f64; N]>>, ImportError> {
+        let Some(&accessor) = self.primitive.attributes.get(&Checked::Valid(semantic)) else {
             return Ok(None);
-        }
-        let Some(accessor) = attribute(Semantic::Positions) else { return Ok(None) };
-        let is_draco = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
-        if is_draco && file.get(key, accessor)?.buffer_view.is_none() {
-            return Err(file.error(key, format!("is compressed by {DRACO}, {}", not_read(DRACO))));
-        }
-        let mut positions = vectors(file.elements(key, accessor)?);
-        let n = positions.len();
-        let same_length = |name: &str, len: usize| {
-            if len == n {
-                return Ok(());
-            }
-            let message = format!("must have one element a vertex, {n}; it has {len}");
-            Err(file.error(format!("{key}.attributes.{name}"), message))
         };
-        let mut normals = match attribute(Semantic::Normals) {
-            None => None,
-            Some(a) => Some(vectors(file.elements(key, a)?)),
-        };
-        same_length("NORMAL", normals.as_ref().map_or(n, Vec::len))?;
-        for (target, &weight) in primitive.targets.iter().flatten().zip(weights).filter(|(_, w)| **w != 0.0) {
+        let elements = self.file.elements::<N>(self.key, accessor)?;
+        self.check_length(name, elements.len())?;
+        Ok(Some(elements))
+    }
+
+    fn check_length(&self, name: &str, len: usize) -> Result<(), ImportError> {
+        if len == self.n_vertices {
+            return Ok(());
+        }
+        let message = format!("must have one element a vertex, {}; it has {len}", self.n_vertices);
+        Err(self.file.error(format!("{}.attributes.{name}", self.key), message))
+    }
+
+    /// Adds the morph targets by their weights.
+    fn morph(
+        &self,
+        weights: &[f32],
+        positions: &mut [Vec3],
+        mut normals: Option<&mut Vec<Vec3>>,
+    ) -> Result<(), ImportError> {
+        let targets = self.primitive.targets.iter().flatten().zip(weights);
+        for (target, &weight) in targets.filter(|(_, w)| **w != 0.0) {
             let add = |to: &mut [Vec3], accessor: Option<Index<Accessor>>| {
                 let Some(accessor) = accessor else { return Ok(()) };
-                let deltas = vectors(file.elements(key, accessor)?);
-                same_length("targets", deltas.len())?;
+                let deltas = vectors(self.file.elements(self.key, accessor)?);
+                self.check_length("targets", deltas.len())?;
                 to.iter_mut().zip(deltas).for_each(|(v, d)| *v += weight * d);
                 Ok::<_, ImportError>(())
             };
-            add(&mut positions, target.positions)?;
+            add(positions, target.positions)?;
             if let Some(normals) = &mut normals {
                 add(normals, target.normals)?;
             }
         }
-        let triangles = self.read_triangles(key, primitive, mode, n)?;
-        if triangles.is_empty() {
-            return Ok(None);
-        }
-        let material = self.materials.id(&format!("{key}.material"), primitive.material, &mut self.notes)?;
-        let uvs = match self.materials.placement(material) {
-            None => vec![Vec2::ZERO; n],
-            Some(placement) => {
-                let uvs = match attribute(Semantic::TexCoords(placement.set)) {
-                    None => None,
-                    Some(a) => Some(file.elements::<2>(key, a)?),
-                };
-                same_length("TEXCOORD", uvs.as_ref().map_or(n, Vec::len))?;
-                self.layout(material, &placement, uvs).unwrap_or_else(|| vec![Vec2::ZERO; n])
-            }
-        };
-        let mut bones = Vec::new();
-        for set in 0.. {
-            let (Some(j), Some(w)) = (attribute(Semantic::Joints(set)), attribute(Semantic::Weights(set)))
-            else {
-                break;
-            };
-            let (joints, weights) = (file.elements::<4>(key, j)?, file.elements::<4>(key, w)?);
-            same_length("JOINTS", joints.len())?;
-            same_length("WEIGHTS", weights.len())?;
-            bones.resize(n, Vec::new());
-            for ((bone, joints), weights) in bones.iter_mut().zip(joints).zip(weights) {
-                let used = joints.iter().zip(weights).filter(|(_, w)| *w > 0.0);
-                bone.extend(used.map(|(&j, w)| (j as usize, w as f32)));
-            }
-        }
-        self.note_colors(key, primitive)?;
-        let is_strip = mode != Mode::Triangles;
-        Ok(Some((Shape { positions, normals, uvs, triangles, bones, is_strip }, material)))
+        Ok(())
     }
 
-    fn read_triangles(
-        &self,
-        key: &str,
-        primitive: &Primitive,
-        mode: Mode,
-        n: usize,
-    ) -> Result<Vec<[u32; 3]>, ImportError> {
-        let indices: Vec<u32> = match primitive.indices {
+    /// The vertices of each triangle, glTF 2.0 section 3.7.2.1.
+    fn triangles(&self, mode: Mode) -> Result<Vec<[u32; 3]>, ImportError> {
+        let n = self.n_vertices;
+        let indices: Vec<u32> = match self.primitive.indices {
             Some(accessor) => {
-                let key = format!("{key}.indices");
+                let key = format!("{}.indices", self.key);
                 let indices = self.file.elements::<1>(&key, accessor)?;
                 if let Some([wrong]) = indices.iter().find(|[i]| !(*i >= 0.0 && *i < n as f64)) {
                     let message = format!("vertex {wrong} does not exist: there are {n}, from 0");
@@ -153,7 +125,6 @@ impl Reader<'_> {
         };
         let windows = indices.windows(3).enumerate();
         Ok(match (mode, &indices[..]) {
-            // glTF 2.0 section 3.7.2.1.
             (Mode::TriangleStrip, _) => windows
                 .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] })
                 .collect(),
@@ -162,107 +133,152 @@ impl Reader<'_> {
         })
     }
 
-    /// Texture coordinates as the material's images lie, v up.
-    fn layout(
-        &mut self,
-        material: u32,
-        placement: &Placement,
-        uvs: Option<Vec<[f64; 2]>>,
-    ) -> Option<Vec<Vec2>> {
-        let name = &self.materials.list[material as usize].0;
-        let Some(uvs) = uvs else {
-            self.notes.add(format!(
-                "material `{name}`: a mesh lacks TEXCOORD_{}, which its images need",
-                placement.set
-            ));
-            return None;
-        };
-        let uvs = uvs.into_iter().map(|uv| {
-            let uv = placement.apply(Vec2::from_array(uv.map(|v| v as f32)));
-            if uv.is_finite() { uv } else { Vec2::ZERO }
-        });
-        let uvs: Vec<Vec2> = uvs.collect();
-        let is_outside = |uv: &Vec2| (*uv - 0.5).abs().max_element() > 0.5 + UV_TOLERANCE;
-        if !placement.repeats && uvs.iter().any(is_outside) {
-            self.notes
-                .add(format!("material `{name}`: its images repeat; clamping and mirroring are not read"));
+    /// Joints of each vertex with their positive weights, of all sets; empty without any.
+    fn joint_weights(&self) -> Result<Vec<Vec<(usize, f32)>>, ImportError> {
+        let mut out = Vec::new();
+        for set in 0.. {
+            let has = |semantic| self.primitive.attributes.contains_key(&Checked::Valid(semantic));
+            if !has(Semantic::Joints(set)) || !has(Semantic::Weights(set)) {
+                break;
+            }
+            let joints = self.read::<4>(Semantic::Joints(set), "JOINTS")?.unwrap_or_default();
+            let weights = self.read::<4>(Semantic::Weights(set), "WEIGHTS")?.unwrap_or_default();
+            out.resize(self.n_vertices, Vec::new());
+            for ((vertex, joints), weights) in out.iter_mut().zip(joints).zip(weights) {
+                let used = joints.iter().zip(weights).filter(|(_, w)| *w > 0.0);
+                vertex.extend(used.map(|(&j, w)| (j as usize, w as f32)));
+            }
         }
-        Some(uvs.into_iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect())
+        Ok(out)
     }
 
-    fn note_colors(&mut self, key: &str, primitive: &Primitive) -> Result<(), ImportError> {
-        let Some(&accessor) = primitive.attributes.get(&Checked::Valid(Semantic::Colors(0))) else {
-            return Ok(());
+    /// Whether all vertex colours are white, as without any.
+    fn is_white(&self) -> Result<bool, ImportError> {
+        let Some(&accessor) = self.primitive.attributes.get(&Checked::Valid(Semantic::Colors(0))) else {
+            return Ok(true);
         };
-        let is_white = match self.file.elements::<3>(key, accessor) {
+        Ok(match self.file.elements::<3>(self.key, accessor) {
             Ok(colors) => colors.iter().flatten().all(|v| *v >= WHITE),
-            Err(_) => self.file.elements::<4>(key, accessor)?.iter().flatten().all(|v| *v >= WHITE),
-        };
-        if !is_white {
-            self.notes.add(format!("{}: vertex colours are ignored", self.file.path.display()));
-        }
-        Ok(())
+            Err(_) => self.file.elements::<4>(self.key, accessor)?.iter().flatten().all(|v| *v >= WHITE),
+        })
+    }
+}
+
+/// The triangles of a file as they are read and placed.
+pub struct Geometry<'a> {
+    file: &'a File,
+    /// Materials that the triangles use.
+    pub materials: Materials<'a>,
+    /// Triangles in world space.
+    pub mesh: Mesh,
+    /// Number of triangles left out because they have no area.
+    pub n_degenerate: usize,
+}
+
+impl<'a> Geometry<'a> {
+    /// The geometry of `file`, empty before primitives are placed.
+    pub fn new(file: &'a File) -> Self {
+        Self { file, materials: Materials::new(file), mesh: Mesh::default(), n_degenerate: 0 }
     }
 
-    /// Adds a primitive to the mesh.
+    /// Reads a primitive and its material; `None` when it has no triangles. `weights` are those of its
+    /// morph targets.
+    ///
+    /// # Errors
+    /// When an accessor, the material or an image of it cannot be read.
+    pub fn read_primitive(
+        &mut self,
+        key: &str,
+        primitive: &Primitive,
+        weights: &[f32],
+        warnings: &mut Warnings,
+    ) -> Result<Option<PrimitiveMesh>, ImportError> {
+        let file = self.file;
+        let Checked::Valid(mode) = primitive.mode else {
+            return Err(file.error(format!("{key}.mode"), "must be 0 to 6"));
+        };
+        if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            warnings.add(format!("{}: points and lines are left out", file.path.display()));
+            return Ok(None);
+        }
+        let Some(mut positions) = read_positions(file, key, primitive)? else { return Ok(None) };
+        let attributes = Attributes { file, key, primitive, n_vertices: positions.len() };
+        let mut normals = attributes.read(Semantic::Normals, "NORMAL")?.map(vectors);
+        attributes.morph(weights, &mut positions, normals.as_mut())?;
+        let triangles = attributes.triangles(mode)?;
+        if triangles.is_empty() {
+            return Ok(None);
+        }
+        let material = self.materials.id(&format!("{key}.material"), primitive.material, warnings)?;
+        let uvs = self.uvs(&attributes, material, warnings)?;
+        let joint_weights = attributes.joint_weights()?;
+        if !attributes.is_white()? {
+            warnings.add(format!("{}: vertex colours are ignored", file.path.display()));
+        }
+        let is_strip = mode != Mode::Triangles;
+        Ok(Some(PrimitiveMesh { material, positions, normals, uvs, triangles, joint_weights, is_strip }))
+    }
+
+    /// Texture coordinates where the material's images lie, v up; zero where it has none.
+    fn uvs(
+        &self,
+        attributes: &Attributes,
+        material: u32,
+        warnings: &mut Warnings,
+    ) -> Result<Vec<Vec2>, ImportError> {
+        let zero = || vec![Vec2::ZERO; attributes.n_vertices];
+        let Some(mapping) = self.materials.uv_mapping(material) else { return Ok(zero()) };
+        let name = &self.materials.list[material as usize].0;
+        let Some(uvs) = attributes.read::<2>(Semantic::TexCoords(mapping.set), "TEXCOORD")? else {
+            warnings.add(format!(
+                "material `{name}`: a mesh lacks TEXCOORD_{}, which its images need",
+                mapping.set
+            ));
+            return Ok(zero());
+        };
+        Ok(mapped(&mapping, uvs, name, warnings))
+    }
+
+    /// Adds a primitive to the mesh as part `part`.
+    ///
+    /// # Errors
+    /// When there are too many vertices, or the skin does not fit the primitive.
     pub fn place(
         &mut self,
         key: &str,
-        shape: &Shape,
+        primitive: &PrimitiveMesh,
         pose: &Pose,
-        material: u32,
         part: u32,
     ) -> Result<(), ImportError> {
-        let file = self.file;
-        let n = shape.positions.len();
-        let most = self.mesh.positions.len() + n + 3 * shape.triangles.len();
+        let n = primitive.positions.len();
+        let most = self.mesh.positions.len() + n + 3 * primitive.triangles.len();
         if u32::try_from(most).is_err() {
-            return Err(file.error(key, "the scene has more vertices than this program can number, 2³²"));
+            let message = "the scene has more vertices than this program can number, 2³²";
+            return Err(self.file.error(key, message));
         }
-        let worlds: Vec<Mat4> = match pose {
-            Pose::Rigid(world) => vec![*world],
-            Pose::Skinned(_) if shape.bones.is_empty() => {
-                return Err(file.error(format!("{key}.attributes"), "a skin needs JOINTS_0 and WEIGHTS_0"));
-            }
-            Pose::Skinned(joints) => {
-                let blend = |bone: &Vec<(usize, f32)>| {
-                    let total: f32 = bone.iter().map(|b| b.1).sum();
-                    let mut sum = Mat4::ZERO;
-                    for &(joint, weight) in bone {
-                        let matrix = joints.get(joint).ok_or_else(|| {
-                            let message =
-                                format!("joint {joint} does not exist: the skin has {}", joints.len());
-                            file.error(format!("{key}.attributes.JOINTS_0"), message)
-                        })?;
-                        sum += *matrix * (weight / total);
-                    }
-                    Ok(if bone.is_empty() { Mat4::IDENTITY } else { sum })
-                };
-                shape.bones.iter().map(blend).collect::<Result<_, ImportError>>()?
-            }
-        };
+        let worlds = primitive.worlds(self.file, key, pose)?;
         let world = |i: usize| &worlds[i.min(worlds.len() - 1)];
         let positions: Vec<Vec3> =
-            shape.positions.iter().enumerate().map(|(i, p)| world(i).transform_point3(*p)).collect();
+            primitive.positions.iter().enumerate().map(|(i, p)| world(i).transform_point3(*p)).collect();
         let flips = worlds.first().is_some_and(|w| Mat3::from_mat4(*w).determinant() < 0.0);
         let mesh = &mut self.mesh;
         let base = mesh.positions.len();
         // Absent normals are zero until their faces are known.
         let mut normals = vec![Vec3::ZERO; n];
-        if let Some(given) = &shape.normals {
+        if let Some(given) = &primitive.normals {
             for (i, (to, normal)) in normals.iter_mut().zip(given).enumerate() {
                 let moved = normal_matrix(world(i)) * *normal;
                 *to = moved.try_normalize().unwrap_or(Vec3::ZERO);
             }
             mesh.positions.extend(&positions);
             mesh.normals.extend(&normals);
-            mesh.uvs.extend(&shape.uvs);
+            mesh.uvs.extend(&primitive.uvs);
         }
-        for &[a, b, c] in &shape.triangles {
+        for &[a, b, c] in &primitive.triangles {
             let corners = if flips { [a, c, b] } else { [a, b, c] }.map(|i| i as usize);
             let points = corners.map(|i| positions[i]);
             if !is_proper(points) {
-                self.n_degenerate += usize::from(!shape.is_strip);
+                self.n_degenerate += usize::from(!primitive.is_strip);
                 continue;
             }
             let face = face_normal(points).normalize_or(Vec3::Y);
@@ -272,19 +288,72 @@ impl Reader<'_> {
                 }
                 mesh.positions.push(positions[i]);
                 mesh.normals.push(face);
-                mesh.uvs.push(shape.uvs[i]);
+                mesh.uvs.push(primitive.uvs[i]);
                 (mesh.positions.len() - 1) as u32
             });
             mesh.indices.push(triangle);
-            mesh.materials.push(material);
+            mesh.materials.push(primitive.material);
             mesh.objects.push(part);
         }
         Ok(())
     }
 }
 
-/// Matrix of normals: the cofactors, which also exist where the inverse does
-/// not, with the sign of the inverse transpose.
+/// Vertex positions; `None` if the primitive has none.
+fn read_positions(file: &File, key: &str, primitive: &Primitive) -> Result<Option<Vec<Vec3>>, ImportError> {
+    let Some(&accessor) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
+        return Ok(None);
+    };
+    let is_draco = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
+    if is_draco && file.get(key, accessor)?.buffer_view.is_none() {
+        return Err(file.error(key, format!("is compressed by {DRACO}, {}", not_read(DRACO))));
+    }
+    Ok(Some(vectors(file.elements(key, accessor)?)))
+}
+
+/// Texture coordinates of a file, v down, as those of a material's images, v up.
+fn mapped(mapping: &UvMapping, uvs: Vec<[f64; 2]>, material: &str, warnings: &mut Warnings) -> Vec<Vec2> {
+    let mapped = uvs.into_iter().map(|uv| {
+        let uv = mapping.apply(Vec2::from_array(uv.map(|v| v as f32)));
+        if uv.is_finite() { uv } else { Vec2::ZERO }
+    });
+    let uvs: Vec<Vec2> = mapped.collect();
+    let is_outside = |uv: &Vec2| (*uv - 0.5).abs().max_element() > 0.5 + UV_TOLERANCE;
+    if !mapping.repeats && uvs.iter().any(is_outside) {
+        warnings
+            .add(format!("material `{material}`: its images repeat; clamping and mirroring are not read"));
+    }
+    uvs.into_iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect()
+}
+
+impl PrimitiveMesh {
+    /// Transformations of the vertices to world space: one for all, or one each under a skin.
+    fn worlds(&self, file: &File, key: &str, pose: &Pose) -> Result<Vec<Mat4>, ImportError> {
+        let joints = match pose {
+            Pose::Rigid(world) => return Ok(vec![*world]),
+            Pose::Skinned(_) if self.joint_weights.is_empty() => {
+                return Err(file.error(format!("{key}.attributes"), "a skin needs JOINTS_0 and WEIGHTS_0"));
+            }
+            Pose::Skinned(joints) => joints,
+        };
+        let blend = |vertex: &Vec<(usize, f32)>| {
+            let total: f32 = vertex.iter().map(|b| b.1).sum();
+            let mut sum = Mat4::ZERO;
+            for &(joint, weight) in vertex {
+                let matrix = joints.get(joint).ok_or_else(|| {
+                    let message = format!("joint {joint} does not exist: the skin has {}", joints.len());
+                    file.error(format!("{key}.attributes.JOINTS_0"), message)
+                })?;
+                sum += *matrix * (weight / total);
+            }
+            Ok(if vertex.is_empty() { Mat4::IDENTITY } else { sum })
+        };
+        self.joint_weights.iter().map(blend).collect()
+    }
+}
+
+/// Matrix that transforms normals: the cofactors, which also exist where the inverse does not, with
+/// the sign of the inverse transpose.
 fn normal_matrix(world: &Mat4) -> Mat3 {
     let m = Mat3::from_mat4(*world);
     let cofactors =

@@ -1,23 +1,23 @@
-//! Materials and their images.
+//! Materials; the mapping is that of [`super`].
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    io::Cursor,
-    sync::Arc,
-};
+use std::collections::{BTreeMap, HashMap};
 
-use glam::Vec2;
 use gltf_json::{
-    Index, Material, Texture as TextureJson,
-    extensions::{material::PbrSpecularGlossiness, texture::TextureTransform},
-    material::{AlphaMode, NormalTexture},
-    texture::{Info, WrappingMode},
+    Index, Material,
+    extensions::material::{
+        Material as Extensions, PbrSpecularGlossiness, Specular as SpecularJson, Transmission,
+    },
+    material::{AlphaMode, PbrMetallicRoughness},
     validation::Checked,
 };
 
-use super::{Notes, file::File, unique};
+use super::{
+    file::File,
+    texture::{MaterialContext, TextureRef, Textures, UvMapping},
+    warnings::{Warnings, unique},
+};
 use crate::{
-    import::ImportError,
+    import::error::ImportError,
     math::Rgb,
     scene::{
         material::{MaterialParams, Model, Relief},
@@ -27,81 +27,37 @@ use crate::{
 
 /// Name of the material of primitives without one.
 const NO_NAME: &str = "(none)";
-/// Transmission from which a material is glass.
+/// Transmission from which a material is glass: there is no model between glass and opaque, and the
+/// nearer of the two is off by half at most.
 const GLASS: f32 = 0.5;
 /// Opacity of `MASK` that counts as opaque by default; glTF 2.0 section 5.19.
 const DEFAULT_CUTOFF: f32 = 0.5;
-/// IORs that a coat or glass may have.
+/// Index of refraction of a coat or glass, least and largest. At 1 it would neither reflect nor bend;
+/// 4 is germanium, and what the sidecar allows.
 const IORS: (f32, f32) = (1.001, 4.0);
+/// Base colour below which glass is warned to lose its colour: clear glass is exported as 1 or a
+/// little less.
+const CLEAR: f32 = 0.9;
+/// Materials named in the warning of an extension, at most.
+const MAX_LISTED: usize = 3;
 
-/// Where on a surface an image lies.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    /// Which texture coordinates.
-    pub set: u32,
-    offset: Vec2,
-    rotation: f32,
-    scale: Vec2,
-    /// Whether the image repeats outside the unit square.
-    pub repeats: bool,
-}
-
-impl Placement {
-    /// Coordinates of an image at `uv`, both with v down.
-    ///
-    /// `KHR_texture_transform`; counter-clockwise in the image.
-    pub fn apply(&self, uv: Vec2) -> Vec2 {
-        let (sin, cos) = self.rotation.sin_cos();
-        let s = self.scale * uv;
-        self.offset + Vec2::new(cos * s.x + sin * s.y, cos * s.y - sin * s.x)
-    }
-}
-
-/// The materials that triangles use, read when they are first met.
+/// The materials that triangles use, each read when it is first met.
 pub struct Materials<'a> {
     file: &'a File,
+    /// Unique names of all materials of the file.
     names: Vec<String>,
+    /// Positions in `list` by the index in the file, `None` for the default material.
     ids: HashMap<Option<usize>, u32>,
-    /// Names and parameters.
+    /// Names and parameters of the materials in use.
     pub list: Vec<(String, MaterialParams)>,
-    placements: Vec<Option<Placement>>,
-    textures: HashMap<(usize, Encoding), Arc<Texture>>,
-    /// Extensions that were met and not read, with the materials.
+    uv_mappings: Vec<Option<UvMapping>>,
+    textures: Textures<'a>,
+    /// Unsupported extensions, with the materials that have them.
     ignored: BTreeMap<String, Vec<String>>,
 }
 
-/// A use of an image.
-struct Use<'a> {
-    index: Index<TextureJson>,
-    set: u32,
-    transform: Option<TextureTransform>,
-    /// Name of the reference within its material.
-    key: &'a str,
-}
-
-impl<'a> Use<'a> {
-    fn of_info(key: &'a str, info: &Info) -> Self {
-        let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
-        Self { index: info.index, set: info.tex_coord, transform, key }
-    }
-
-    fn of_normal(key: &'a str, normal: &NormalTexture) -> Self {
-        let transform = normal.extensions.as_ref().and_then(|e| e.others.get("KHR_texture_transform"));
-        let transform = transform.and_then(|t| serde_json::from_value(t.clone()).ok());
-        Self { index: normal.index, set: normal.tex_coord, transform, key }
-    }
-}
-
-/// A material while it is read: its index, and where its images lie.
-struct Reading<'n> {
-    index: usize,
-    name: String,
-    placement: Option<Placement>,
-    notes: &'n mut Notes,
-}
-
 impl<'a> Materials<'a> {
-    /// None yet of a file.
+    /// The materials of `file`, none of them in use yet.
     pub fn new(file: &'a File) -> Self {
         let mut names: Vec<String> = Vec::new();
         for (i, m) in file.root.materials.iter().enumerate() {
@@ -114,13 +70,13 @@ impl<'a> Materials<'a> {
             names,
             ids: HashMap::new(),
             list: Vec::new(),
-            placements: Vec::new(),
-            textures: HashMap::new(),
+            uv_mappings: Vec::new(),
+            textures: Textures::new(file),
             ignored: BTreeMap::new(),
         }
     }
 
-    /// Number of a material in [`Self::list`].
+    /// Position of a material in [`Self::list`], where it is added if it is new.
     ///
     /// # Errors
     /// When it does not exist or an image of it cannot be read.
@@ -128,49 +84,78 @@ impl<'a> Materials<'a> {
         &mut self,
         key: &str,
         material: Option<Index<Material>>,
-        notes: &mut Notes,
+        warnings: &mut Warnings,
     ) -> Result<u32, ImportError> {
         let index = material.map(|m| m.value());
         if let Some(&id) = self.ids.get(&index) {
             return Ok(id);
         }
-        let (name, params, placement) = match material {
+        let (name, params, mapping) = match material {
             None => (NO_NAME.to_owned(), MaterialParams::default(), None),
             Some(m) => {
                 let json = self.file.get(key, m)?;
                 let name = self.names[m.value()].clone();
-                let mut reading = Reading { index: m.value(), name: name.clone(), placement: None, notes };
-                let params = self.params(json, &mut reading)?;
-                (name, params, reading.placement)
+                let mut context = MaterialContext::new(m.value(), name, warnings);
+                let params = self.params(json, &mut context)?;
+                (context.name, params, context.mapping)
             }
         };
         let id = self.list.len() as u32;
         self.list.push((name, params));
-        self.placements.push(placement);
+        self.uv_mappings.push(mapping);
         self.ids.insert(index, id);
         Ok(id)
     }
 
-    /// Where the images of a material lie; `None` when it has none.
-    pub fn placement(&self, id: u32) -> Option<Placement> {
-        self.placements[id as usize]
+    /// Mapping of the images of the material at a position in [`Self::list`]; `None` when it has none.
+    pub fn uv_mapping(&self, id: u32) -> Option<UvMapping> {
+        self.uv_mappings[id as usize]
     }
 
-    /// Says which extensions were not read.
-    pub fn report(&self, notes: &mut Notes) {
+    /// Warns of the extensions that were not read.
+    pub fn report_ignored(&self, warnings: &mut Warnings) {
         for (extension, materials) in &self.ignored {
-            let names: Vec<String> = materials.iter().take(3).map(|n| format!("`{n}`")).collect();
+            let names: Vec<String> = materials.iter().take(MAX_LISTED).map(|n| format!("`{n}`")).collect();
             let more = if materials.len() > names.len() { ", …" } else { "" };
-            notes.add(format!("{extension} of material {}{more} is ignored", names.join(", ")));
+            warnings.add(format!("{extension} of material {}{more} is ignored", names.join(", ")));
         }
     }
 
-    fn params(&mut self, m: &Material, reading: &mut Reading) -> Result<MaterialParams, ImportError> {
-        let pbr = &m.pbr_metallic_roughness;
+    fn params(&mut self, m: &Material, context: &mut MaterialContext) -> Result<MaterialParams, ImportError> {
         let extensions = m.extensions.as_ref();
         for extension in extensions.iter().flat_map(|e| e.others.keys()) {
-            self.ignored.entry(extension.clone()).or_default().push(reading.name.clone());
+            self.ignored.entry(extension.clone()).or_default().push(context.name.clone());
         }
+        let mut out = self.metallic_roughness(&m.pbr_metallic_roughness, context)?;
+        if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
+            self.specular_glossiness(old, &mut out, context)?;
+        } else if out.metallic == 1.0 && out.metallic_map.is_none() {
+            out.model = Model::Conductor;
+        }
+        if let Some(extensions) = extensions {
+            self.extended(extensions, &mut out, context)?;
+        }
+        match out.model {
+            Model::Plastic => {}
+            Model::Diffuse | Model::Conductor | Model::Dielectric => {
+                (out.metallic, out.metallic_map) = (0.0, None);
+            }
+        }
+        if let Some(normal) = &m.normal_texture {
+            let reference = TextureRef::normal("normalTexture", normal);
+            let texture = self.textures.get(&reference, Encoding::Linear, context)?;
+            out.relief = Some(Relief::NormalMap { texture, scale: normal.scale });
+        }
+        self.emission(m, &mut out, context)?;
+        self.opacity(m, &mut out, context)?;
+        Ok(out)
+    }
+
+    fn metallic_roughness(
+        &mut self,
+        pbr: &PbrMetallicRoughness,
+        context: &mut MaterialContext,
+    ) -> Result<MaterialParams, ImportError> {
         let [r, g, b, alpha] = pbr.base_color_factor.0;
         let mut out = MaterialParams {
             model: Model::Plastic,
@@ -181,91 +166,80 @@ impl<'a> Materials<'a> {
             ..MaterialParams::default()
         };
         if let Some(info) = &pbr.base_color_texture {
-            let used = Use::of_info("pbrMetallicRoughness.baseColorTexture", info);
-            out.texture = Some(self.texture(&used, Encoding::Srgb, reading)?);
+            let reference = TextureRef::new("pbrMetallicRoughness.baseColorTexture", info);
+            out.texture = Some(self.textures.get(&reference, Encoding::Srgb, context)?);
         }
         if let Some(info) = &pbr.metallic_roughness_texture {
-            let used = Use::of_info("pbrMetallicRoughness.metallicRoughnessTexture", info);
-            let texture = self.texture(&used, Encoding::Linear, reading)?;
+            let reference = TextureRef::new("pbrMetallicRoughness.metallicRoughnessTexture", info);
+            let texture = self.textures.get(&reference, Encoding::Linear, context)?;
             let channel = |channel| Some(ScalarMap { texture: texture.clone(), channel });
             out.roughness_map = channel(Channel::G).filter(|_| out.roughness > 0.0);
             out.metallic_map = channel(Channel::B).filter(|_| out.metallic > 0.0);
         }
-        if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
-            self.specular_glossiness(old, &mut out, reading)?;
-        } else if out.metallic == 1.0 && out.metallic_map.is_none() {
-            out.model = Model::Conductor;
-        }
-        if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()) {
+        Ok(out)
+    }
+
+    /// The extensions that change coat and model.
+    fn extended(
+        &mut self,
+        extensions: &Extensions,
+        out: &mut MaterialParams,
+        context: &mut MaterialContext,
+    ) -> Result<(), ImportError> {
+        if let Some(ior) = &extensions.ior {
             // 0 stands for infinity, to look like specular-glossiness.
             let ior = if ior.ior.0 == 0.0 { IORS.1 } else { ior.ior.0 };
             out.ior = ior.clamp(IORS.0, IORS.1);
         }
-        if let Some(specular) = extensions.and_then(|e| e.specular.as_ref()) {
-            out.specular = specular.specular_factor.0.clamp(0.0, 1.0);
-            if let Some(info) = &specular.specular_texture {
-                let used = Use::of_info("extensions.KHR_materials_specular.specularTexture", info);
-                let texture = self.texture(&used, Encoding::Linear, reading)?;
-                out.specular_map = Some(ScalarMap { texture, channel: Channel::A });
-            }
-            if specular.specular_color_factor.0 != [1.0; 3] || specular.specular_color_texture.is_some() {
-                let name = &reading.name;
-                reading
-                    .notes
-                    .add(format!("material `{name}`: the colour of its specular reflection is ignored"));
-            }
+        if let Some(specular) = &extensions.specular {
+            self.specular(specular, out, context)?;
         }
-        if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
-            let share = transmission.transmission_factor.0;
-            let name = &reading.name;
-            if share >= GLASS {
-                out.model = Model::Dielectric;
-                if share < 1.0 || transmission.transmission_texture.is_some() {
-                    reading
-                        .notes
-                        .add(format!("material `{name}`: is wholly glass, its transmission only partly"));
-                }
-                if out.base_color.min_element() < 0.9 || out.texture.is_some() {
-                    reading.notes.add(format!("material `{name}`: the colour of its glass is ignored"));
-                }
-            } else if share > 0.0 {
-                reading.notes.add(format!("material `{name}`: its transmission below {GLASS} is ignored"));
-            }
+        if let Some(transmission) = &extensions.transmission {
+            transmit(transmission, out, context);
         }
-        if extensions.is_some_and(|e| e.unlit.is_some()) {
+        if extensions.unlit.is_some() {
             out.model = Model::Diffuse;
-            let name = &reading.name;
-            reading.notes.add(format!("material `{name}`: is unlit, which is read as diffuse"));
+            context.warn("is unlit, which is read as diffuse");
         }
-        if out.model != Model::Plastic {
-            (out.metallic, out.metallic_map) = (0.0, None);
+        Ok(())
+    }
+
+    /// `KHR_materials_specular`: the strength of the coat.
+    fn specular(
+        &mut self,
+        specular: &SpecularJson,
+        out: &mut MaterialParams,
+        context: &mut MaterialContext,
+    ) -> Result<(), ImportError> {
+        out.specular = specular.specular_factor.0.clamp(0.0, 1.0);
+        if let Some(info) = &specular.specular_texture {
+            let reference = TextureRef::new("extensions.KHR_materials_specular.specularTexture", info);
+            let texture = self.textures.get(&reference, Encoding::Linear, context)?;
+            out.specular_map = Some(ScalarMap { texture, channel: Channel::A });
         }
-        if let Some(normal) = &m.normal_texture {
-            let texture =
-                self.texture(&Use::of_normal("normalTexture", normal), Encoding::Linear, reading)?;
-            out.relief = Some(Relief::NormalMap { texture, scale: normal.scale });
+        if specular.specular_color_factor.0 != [1.0; 3] || specular.specular_color_texture.is_some() {
+            context.warn("the colour of its specular reflection is ignored");
         }
-        self.emission(m, &mut out, reading)?;
-        self.opacity(m, &mut out, reading)?;
-        Ok(out)
+        Ok(())
     }
 
     fn emission(
         &mut self,
         m: &Material,
         out: &mut MaterialParams,
-        reading: &mut Reading,
+        context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
         let strength = m.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref());
         let strength = strength.map_or(1.0, |s| s.emissive_strength.0);
         out.emission = Rgb::from_array(m.emissive_factor.0).max(Rgb::ZERO) * strength.max(0.0);
         if !out.emission.is_finite() {
-            let key = format!("materials[{}].emissiveFactor", reading.index);
+            let key = format!("materials[{}].emissiveFactor", context.index);
             return Err(self.file.error(key, "must be finite"));
         }
         out.emission_two_sided = m.double_sided;
         if let Some(info) = m.emissive_texture.as_ref().filter(|_| out.emission != Rgb::ZERO) {
-            let texture = self.texture(&Use::of_info("emissiveTexture", info), Encoding::Srgb, reading)?;
+            let reference = TextureRef::new("emissiveTexture", info);
+            let texture = self.textures.get(&reference, Encoding::Srgb, context)?;
             if texture.max_component() > 0.0 {
                 out.emission_texture = Some(texture);
             } else {
@@ -276,10 +250,10 @@ impl<'a> Materials<'a> {
     }
 
     fn opacity(
-        &mut self,
+        &self,
         m: &Material,
         out: &mut MaterialParams,
-        reading: &mut Reading,
+        context: &MaterialContext,
     ) -> Result<(), ImportError> {
         out.opacity_cutoff = match m.alpha_mode {
             Checked::Valid(AlphaMode::Opaque) => {
@@ -289,7 +263,7 @@ impl<'a> Materials<'a> {
             Checked::Valid(AlphaMode::Mask) => Some(m.alpha_cutoff.map_or(DEFAULT_CUTOFF, |c| c.0)),
             Checked::Valid(AlphaMode::Blend) => None,
             Checked::Invalid => {
-                let key = format!("materials[{}].alphaMode", reading.index);
+                let key = format!("materials[{}].alphaMode", context.index);
                 return Err(self.file.error(key, "must be OPAQUE, MASK or BLEND"));
             }
         };
@@ -302,12 +276,12 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The archived `KHR_materials_pbrSpecularGlossiness`, roughly.
+    /// The archived `KHR_materials_pbrSpecularGlossiness` as the nearest model here.
     fn specular_glossiness(
         &mut self,
         old: &PbrSpecularGlossiness,
         out: &mut MaterialParams,
-        reading: &mut Reading,
+        context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
         let [r, g, b, alpha] = old.diffuse_factor.0;
         let f0 = Rgb::from_array(old.specular_factor.0).clamp(Rgb::ZERO, Rgb::ONE);
@@ -319,7 +293,7 @@ impl<'a> Materials<'a> {
             None => None,
             Some(info) => {
                 let key = "extensions.KHR_materials_pbrSpecularGlossiness.diffuseTexture";
-                Some(self.texture(&Use::of_info(key, info), Encoding::Srgb, reading)?)
+                Some(self.textures.get(&TextureRef::new(key, info), Encoding::Srgb, context)?)
             }
         };
         let mut missing = "";
@@ -333,115 +307,23 @@ impl<'a> Materials<'a> {
             let root = f0.max_element().sqrt();
             out.ior = ((1.0 + root) / (1.0 - root)).clamp(IORS.0, IORS.1);
         }
-        let name = &reading.name;
-        reading.notes.add(format!("material `{name}`: specular-glossiness is read roughly{missing}"));
+        context.warn(format_args!("specular-glossiness is read roughly{missing}"));
         Ok(())
-    }
-
-    /// The image of a texture; the first of a material decides where all lie.
-    fn texture(
-        &mut self,
-        used: &Use,
-        encoding: Encoding,
-        reading: &mut Reading,
-    ) -> Result<Arc<Texture>, ImportError> {
-        let key = format!("materials[{}].{}", reading.index, used.key);
-        let texture = self.file.get(&key, used.index)?;
-        let wraps = match texture.sampler {
-            None => [WrappingMode::Repeat; 2],
-            Some(s) => {
-                let sampler = self.file.get(&format!("textures[{}].sampler", used.index.value()), s)?;
-                [&sampler.wrap_s, &sampler.wrap_t].map(|w| match w {
-                    Checked::Valid(w) => *w,
-                    Checked::Invalid => WrappingMode::Repeat,
-                })
-            }
-        };
-        let t = used.transform.clone().unwrap_or_default();
-        let placement = Placement {
-            set: t.tex_coord.unwrap_or(used.set),
-            offset: t.offset.0.into(),
-            rotation: t.rotation.0,
-            scale: t.scale.0.into(),
-            repeats: wraps == [WrappingMode::Repeat; 2],
-        };
-        let first = reading.placement.get_or_insert(placement);
-        if (Placement { repeats: first.repeats, ..placement }) != *first {
-            let name = &reading.name;
-            reading.notes.add(format!(
-                "material `{name}`: `{}` is laid out as the first of its images, not by its own coordinates",
-                used.key
-            ));
-        }
-        first.repeats &= placement.repeats;
-        let webp =
-            texture.extensions.as_ref().and_then(|e| e.others.get("EXT_texture_webp")?["source"].as_u64());
-        let source = Some(texture.source).filter(|s| s.value() != u32::MAX as usize);
-        let source = source.or_else(|| Some(Index::new(u32::try_from(webp?).ok()?)));
-        let key = format!("textures[{}].source", used.index.value());
-        let source = source
-            .ok_or_else(|| self.file.error(&key, "is missing: it must be a PNG, JPEG or WebP image"))?;
-        if let Some(texture) = self.textures.get(&(source.value(), encoding)) {
-            return Ok(texture.clone());
-        }
-        let texture = Arc::new(self.image(&key, source, encoding, used, reading)?);
-        self.textures.insert((source.value(), encoding), texture.clone());
-        Ok(texture)
-    }
-
-    fn image(
-        &self,
-        key: &str,
-        index: Index<gltf_json::Image>,
-        encoding: Encoding,
-        used: &Use,
-        reading: &Reading,
-    ) -> Result<Texture, ImportError> {
-        let file = self.file;
-        let image = file.get(key, index)?;
-        let key = format!("images[{}]", index.value());
-        let data;
-        let bytes = if let Some(view) = image.buffer_view {
-            file.view(&key, view)?
-        } else if let Some(uri) = &image.uri {
-            match file.data_uri(&key, uri) {
-                Some(found) => {
-                    data = found?;
-                    &data
-                }
-                None => {
-                    let role = format!("`{}` of material `{}`", used.key, reading.name);
-                    return Ok(Texture::load(&file.path_of(&key, uri)?, encoding, &role)?);
-                }
-            }
-        } else {
-            return Err(file.error(key, "needs `uri` or `bufferView`"));
-        };
-        image::ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(image::ImageError::IoError)
-            .and_then(image::ImageReader::decode)
-            .and_then(|image| Texture::from_image(image, encoding))
-            .map(|texture| texture.named(format!("{}: {key}", file.path.display())))
-            .map_err(|e| file.error(key, format!("cannot be decoded: {e}")))
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn images_turn_as_the_extension_says() {
-        let p = Placement {
-            set: 0,
-            offset: Vec2::new(0.5, 0.25),
-            rotation: std::f32::consts::FRAC_PI_2,
-            scale: Vec2::new(2.0, 3.0),
-            repeats: true,
-        };
-        // A quarter turn counter-clockwise, v down: right becomes up, down becomes right.
-        assert!((p.apply(Vec2::X) - Vec2::new(0.5, -1.75)).length() < 1e-6);
-        assert!((p.apply(Vec2::Y) - Vec2::new(3.5, 0.25)).length() < 1e-6);
+/// `KHR_materials_transmission`: clear glass from [`GLASS`] on.
+fn transmit(transmission: &Transmission, out: &mut MaterialParams, context: &mut MaterialContext) {
+    let share = transmission.transmission_factor.0;
+    if share >= GLASS {
+        out.model = Model::Dielectric;
+        if share < 1.0 || transmission.transmission_texture.is_some() {
+            context.warn("is wholly glass, its transmission only partly");
+        }
+        if out.base_color.min_element() < CLEAR || out.texture.is_some() {
+            context.warn("the colour of its glass is ignored");
+        }
+    } else if share > 0.0 {
+        context.warn(format_args!("its transmission below {GLASS} is ignored"));
     }
 }

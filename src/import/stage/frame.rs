@@ -2,52 +2,56 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::math::Bounds;
+use crate::{import::sidecar::DEFAULT_FILM, math::Bounds};
 
-/// Diagonal field of view, degrees: a normal lens.
+/// Diagonal field of view, degrees: that of 56 mm on 35 mm film, a normal lens. A wider one distorts the
+/// subject, a narrower one needs more room than its 6 radii.
 const DIAGONAL_FOV: f32 = 42.0;
-/// Share of the half frame that the subject may fill to the left and right, below and above:
-/// the rest above is headroom.
+/// Share of the half width of the frame that the subject may fill to the left and right. With the heights
+/// below it leaves a margin of about a quarter, in which shadow and backdrop show.
 const FILL_ACROSS: f32 = 0.74;
+/// Share of the half height of the frame that the subject may fill below the centre.
 const FILL_BELOW: f32 = 0.72;
+/// Share of the half height of the frame that the subject may fill above the centre; less than below, for
+/// headroom.
 const FILL_ABOVE: f32 = 0.64;
-/// How far the camera looks down, degrees: a little on what stands, more on what lies flat.
+/// Elevation of the camera, degrees, on a standing and on a flat subject: the former is seen almost from
+/// its own height, the latter from above, where its upper side shows.
 const ELEVATION: [f32; 2] = [9.0, 28.0];
-/// Height over width from which a subject counts as standing.
+/// Height over horizontal diagonal from which a subject counts as standing: that of a cube is 0.71.
 const STANDING: f32 = 0.8;
-/// Height over width from which the picture is upright.
+/// Height over width, as seen, from which the picture is upright. An upright one shows the subject larger
+/// from 0.92 on, and by a third from 1.23 on; up to 1.5 the usual format is kept all the same.
 const UPRIGHT: f32 = 1.5;
-/// Longer and shorter side of the picture, pixels.
-const SIZE: [u32; 2] = [640, 480];
-/// Widest view that a room may force, degrees.
+/// Widest view that a room may force, degrees: at its edge, 45° off the axis, a ball is stretched by √2.
 const MAX_VFOV: f32 = 90.0;
 
-/// A camera.
+/// Position, direction and film of a pinhole camera that stands upright.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Metres.
+    /// Position of the pinhole, metres.
     pub eye: Vec3,
-    /// Metres.
+    /// Point at the centre of the picture, metres.
     pub look_at: Vec3,
     /// Vertical field of view, degrees.
     pub vfov: f32,
-    /// Film, pixels.
+    /// Width and height of the film, pixels.
     pub size: [u32; 2],
 }
 
-/// Unit vectors to the right, up and forward.
+/// Orthonormal axes of a camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes {
-    /// To the right in the picture.
+    /// Unit vector to the right in the picture.
     pub right: Vec3,
-    /// Up in the picture.
+    /// Unit vector up in the picture.
     pub up: Vec3,
-    /// Into the picture.
+    /// Unit vector along the optical axis, into the picture.
     pub forward: Vec3,
 }
 
 impl Axes {
-    /// Of a camera that looks along `forward`, upright.
+    /// Axes of an upright camera that looks along the unit vector `forward`.
     pub fn along(forward: Vec3) -> Self {
         let right = forward.cross(Vec3::Y).try_normalize().unwrap_or(Vec3::X);
         Self { right, up: right.cross(forward), forward }
@@ -64,20 +68,20 @@ impl View {
         Axes::along((self.look_at - self.eye).normalize_or(Vec3::NEG_Z))
     }
 
-    /// Tangents of the half angles across and up.
+    /// Tangents of the half fields of view across and up.
     pub fn tangents(&self) -> Vec2 {
         let up = (0.5 * self.vfov).to_radians().tan();
         Vec2::new(up * self.size[0] as f32 / self.size[1] as f32, up)
     }
 
-    /// Where a point is in the picture: ±1 is its edge; `None` behind the camera.
+    /// Position of a point in the picture, whose edges are at ±1; `None` behind the camera.
     pub fn project(&self, p: Vec3) -> Option<Vec2> {
         let q = self.axes().coordinates(p - self.eye);
         (q.z > 0.0).then(|| Vec2::new(q.x, q.y) / q.z / self.tangents())
     }
 }
 
-/// The direction to a camera that stands `azimuth` degrees to the right of +z.
+/// Unit direction to a camera at an azimuth, degrees to the right of +z, and an elevation, degrees.
 fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     let (sin, cos) = azimuth.to_radians().sin_cos();
     let (up, across) = elevation.to_radians().sin_cos();
@@ -93,7 +97,7 @@ pub fn frame(points: &[Vec3], azimuth: f32) -> View {
     let elevation = ELEVATION[0] + lying * (ELEVATION[1] - ELEVATION[0]);
     let axes = Axes::along(-direction(azimuth, elevation));
     let seen = Bounds::of(points.iter().map(|&p| axes.coordinates(p))).extent();
-    let [long, short] = SIZE;
+    let [long, short] = DEFAULT_FILM;
     let size = if seen.y > UPRIGHT * seen.x { [short, long] } else { [long, short] };
     let diagonal = (size[0] as f32).hypot(size[1] as f32);
     let up = (0.5 * DIAGONAL_FOV).to_radians().tan() * size[1] as f32 / diagonal;
@@ -101,8 +105,8 @@ pub fn frame(points: &[Vec3], azimuth: f32) -> View {
     place(points, &axes, view, bounds.center())
 }
 
-/// Moves a camera back until it sees all points within its margins, and to where they are
-/// in the middle between these.
+/// Moves a camera to the nearest position from which all points are within the margins, in the
+/// middle between these.
 ///
 /// In the camera's axes a point at (x, z) is left of the right margin if x − e.x ≤ t (z − e.z):
 /// for all points, the eye e is on one side of a line, and so for the other margins.
@@ -126,8 +130,8 @@ fn place(points: &[Vec3], axes: &Axes, view: View, center: Vec3) -> View {
     View { eye, look_at: eye + axes.forward * (center - eye).dot(axes.forward), ..view }
 }
 
-/// Moves a camera forward to `distance` from what it looks at, and widens its lens to see
-/// the points all the same.
+/// Moves a camera forward to `distance` from the point it looks at, and widens its field of view
+/// until all points are in the picture, up to [`MAX_VFOV`].
 pub fn from_nearer(points: &[Vec3], view: View, distance: f32) -> View {
     let eye = view.look_at - view.axes().forward * distance;
     let near = View { eye, ..view };

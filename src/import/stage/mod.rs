@@ -12,18 +12,23 @@
 
 mod frame;
 mod obstacles;
-pub mod pieces;
+mod plan;
 mod rig;
+mod subject;
 mod text;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-use self::{frame::View, obstacles::Obstacles, pieces::Subject, rig::StagedLight};
+use self::{
+    frame::View,
+    obstacles::Obstacles,
+    plan::{MainObject, Plan},
+    subject::Subject,
+};
 use super::{
-    axes,
-    backdrop::Sweep,
+    axes::{self, UpAxis},
     imported::{Imported, ImportedCamera},
-    sidecar::UpAxis,
+    sidecar::DEFAULT_FILM,
 };
 use crate::{
     embree::EmbreeError,
@@ -31,72 +36,59 @@ use crate::{
     scene::Mesh,
 };
 
-/// Degrees to the right of +z from which a subject is seen.
+/// Azimuth from which a subject is seen, degrees to the right of +z: a three-quarter view shows front
+/// and side of what faces +z, as glTF models do.
 const AZIMUTH: f32 = 30.0;
-/// Others, tried in this order where the subject is hidden.
+/// Other azimuths, tried in this order where the subject is hidden: mirrored and frontal first, then away
+/// from the front in steps of 30°, about the width of the picture (34°).
 const OTHER_AZIMUTHS: [f32; 11] = [-30.0, 0.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0];
-/// Share of the subject that the camera must see.
-const VISIBLE: f32 = 0.9;
-/// Share of the free distance at which a camera is placed before a wall.
+/// Least share of the subject that the camera must see: five standard errors of the estimate below all of
+/// it, so that only a real obstacle moves the camera.
+const MIN_VISIBLE: f32 = 0.9;
+/// Distance of the camera over that of the obstacle behind it, both from the subject: a twentieth keeps
+/// the camera clear of it, more only widens the lens.
 const CLEARANCE: f32 = 0.95;
-/// Largest size of a subject in metres and in centimetres.
-const LARGEST: [f32; 2] = [20.0, 1000.0];
-/// Width of the picture of an imported camera, pixels.
-const CAMERA_WIDTH: u32 = 640;
+/// Largest extent of a subject that is taken to be in metres: cars and small houses are below it; in
+/// centimetres, what is larger than 0.2 m is above.
+const MAX_METRES: f32 = 20.0;
+/// Largest extent of a subject that is taken to be in centimetres, 10 m; in millimetres, what is larger
+/// than 1 m is above.
+const MAX_CENTIMETRES: f32 = 1000.0;
 
-/// What a user decides.
+/// What a user decides of a staging.
 #[derive(Clone, Debug, Default)]
 pub struct StageOptions {
-    /// Patterns of the objects that are the main object; empty: it is found.
+    /// Patterns of the objects that are the main object; when empty, it is found from the geometry.
     pub main_object: Vec<String>,
-    /// Which way is up in an OBJ.
+    /// Axis of an OBJ that points up.
     pub up_axis: UpAxis,
-    /// Degrees to the right of +z from which the main object is seen.
+    /// Azimuth from which the main object is seen, degrees to the right of +z; `None` for the first
+    /// from which nothing hides it.
     pub view: Option<f32>,
 }
 
-/// A sidecar and what was guessed for it.
+/// A staged sidecar.
 #[derive(Clone, Debug)]
 pub struct Staging {
-    /// TOML.
+    /// The sidecar, TOML with comments.
     pub text: String,
-    /// What was guessed, in words.
+    /// What was guessed, in words, on one line.
     pub summary: String,
 }
 
-/// All that a sidecar says of a staged scene.
-#[derive(Debug)]
-struct Plan<'a> {
-    file: &'a str,
-    scale: Option<f32>,
-    up_axis: UpAxis,
-    view: Option<View>,
-    main: Main,
-    backdrop: Option<Sweep>,
-    lights: Vec<StagedLight>,
-    subject: Bounds,
-}
-
-/// How a sidecar names the main object.
-#[derive(Debug, PartialEq)]
-enum Main {
-    Objects(Vec<String>),
-    Inside(Bounds),
-}
-
-/// Whether a scene file needs no staging: it has a camera and light.
+/// Whether a scene file needs no staging: it has a camera, and lights or materials that emit.
 #[must_use]
 pub fn is_complete(imported: &Imported) -> bool {
-    let shines = || imported.materials.iter().any(|(_, m)| m.emission != Rgb::ZERO);
-    imported.camera.is_some() && (!imported.lights.is_empty() || shines())
+    let emits = || imported.materials.iter().any(|(_, m)| m.emission != Rgb::ZERO);
+    imported.camera.is_some() && (!imported.lights.is_empty() || emits())
 }
 
-/// Stages a scene file called `file`, as it was read: what it lacks of camera and lights.
+/// Stages what the scene file `file` lacks of camera and lights; `imported` is as it was read.
 ///
-/// `named` says which triangles are of the objects that the options name.
+/// `named` says whether each triangle belongs to the objects that the options name, if they do.
 ///
 /// # Errors
-/// When the triangles are broken.
+/// When a triangle's coordinates are not finite or too large for Embree.
 pub fn stage(
     file: &str,
     is_obj: bool,
@@ -105,24 +97,24 @@ pub fn stage(
     options: &StageOptions,
 ) -> Result<Staging, EmbreeError> {
     let mut mesh = imported.mesh.clone();
-    axes::place(&mut mesh, 1.0, options.up_axis);
+    axes::to_metres_y_up(&mut mesh, 1.0, options.up_axis);
     let subject = match named {
-        Some(is_main) => Subject { has_floor: pieces::has_floor(&mesh, &is_main), is_main },
-        None => pieces::find(&mesh),
+        Some(is_main) => Subject { has_floor: subject::has_floor(&mesh, &is_main), is_main },
+        None => subject::find(&mesh),
     };
     let size = bounds(&mesh, &subject.is_main).extent();
-    let scale = if is_obj { unit(size.max_element()) } else { ("metres", 1.0) };
-    mesh.positions.iter_mut().for_each(|p| *p *= scale.1);
-    let main = match options.main_object.is_empty() {
-        true => main(&mesh, &subject.is_main, imported),
-        false => Main::Objects(options.main_object.clone()),
+    let (unit, scale) = if is_obj { unit(size.max_element()) } else { ("metres", 1.0) };
+    mesh.positions.iter_mut().for_each(|p| *p *= scale);
+    let main_object = match options.main_object.is_empty() {
+        true => selection(&mesh, &subject.is_main, imported),
+        false => MainObject::Named(options.main_object.clone()),
     };
-    let plan = plan(file, is_obj.then_some(scale.1), &mesh, &subject, main, imported, options)?;
-    let unit = match is_obj {
-        true => format!("{} units high, taken as {}; ", text::plain(size.y), scale.0),
+    let plan = plan(file, is_obj.then_some(scale), &mesh, &subject, main_object, imported, options)?;
+    let units = match is_obj {
+        true => format!("{} units high, taken as {unit}; ", text::three_digits(size.y)),
         false => String::new(),
     };
-    Ok(Staging { text: text::sidecar(&plan), summary: format!("{unit}{}", text::in_words(&plan)) })
+    Ok(Staging { text: text::sidecar(&plan), summary: format!("{units}{}", text::summary(&plan)) })
 }
 
 fn plan<'a>(
@@ -130,83 +122,83 @@ fn plan<'a>(
     scale: Option<f32>,
     mesh: &Mesh,
     subject: &Subject,
-    main: Main,
+    main_object: MainObject,
     imported: &Imported,
     options: &StageOptions,
 ) -> Result<Plan<'a>, EmbreeError> {
     let obstacles = Obstacles::new(mesh, &subject.is_main)?;
     let around = bounds(mesh, &subject.is_main);
-    let (view, is_own) = match &imported.camera {
+    let (view, has_camera) = match &imported.camera {
         Some(camera) => (imported_view(camera), true),
         None => (view(mesh, &subject.is_main, &obstacles, options.view), false),
     };
     let floor = Bounds::of(mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize])).lo.y;
-    let needs_backdrop = !is_own && !subject.has_floor;
+    let needs_backdrop = !has_camera && !subject.has_floor;
     let is_lit = !imported.lights.is_empty();
     Ok(Plan {
         file,
         scale,
         up_axis: options.up_axis,
-        view: (!is_own).then_some(view),
-        main,
+        camera: (!has_camera).then_some(view),
+        main_object,
         backdrop: needs_backdrop.then(|| rig::backdrop(&around, floor, &view)),
         lights: if is_lit { Vec::new() } else { rig::lights(&around, &view, &obstacles) },
         subject: around,
     })
 }
 
-/// Points of the triangles that are selected.
-fn points(mesh: &Mesh, is_main: &[bool]) -> Vec<Vec3> {
+/// Corners of the triangles that belong to the main object.
+fn corners(mesh: &Mesh, is_main: &[bool]) -> Vec<Vec3> {
     let selected = mesh.indices.iter().zip(is_main).filter(|(_, is_main)| **is_main);
     selected.flat_map(|(t, _)| t.map(|i| mesh.positions[i as usize])).collect()
 }
 
 fn bounds(mesh: &Mesh, is_main: &[bool]) -> Bounds {
-    Bounds::of(points(mesh, is_main))
+    Bounds::of(corners(mesh, is_main))
 }
 
-/// The unit of a file whose subject has this largest extent: its name and metres.
+/// The likely unit of a file whose main object has this largest extent: name, and length in metres.
 fn unit(extent: f32) -> (&'static str, f32) {
     match extent {
-        e if e <= LARGEST[0] => ("metres", 1.0),
-        e if e <= LARGEST[1] => ("centimetres", 0.01),
+        e if e <= MAX_METRES => ("metres", 1.0),
+        e if e <= MAX_CENTIMETRES => ("centimetres", 0.01),
         _ => ("millimetres", 0.001),
     }
 }
 
-/// The names that select what is main and nothing else, or its box.
-fn main(mesh: &Mesh, is_main: &[bool], imported: &Imported) -> Main {
+/// A selection of exactly the triangles of the main object: by names that no other triangle has, or
+/// else by their bounding box.
+fn selection(mesh: &Mesh, is_main: &[bool], imported: &Imported) -> MainObject {
     if is_main.iter().all(|m| *m) {
-        return Main::Objects(vec!["*".into()]);
+        return MainObject::Named(vec!["*".into()]);
     }
-    let mut state = vec![[false; 2]; imported.parts.len()];
+    // Whether a part has triangles beside the main object, and in it.
+    let mut has = vec![[false; 2]; imported.parts.len()];
     for (&o, &m) in mesh.objects.iter().zip(is_main) {
-        state[o as usize][usize::from(m)] = true;
+        has[o as usize][usize::from(m)] = true;
     }
-    // A name will do that no triangle beside the subject has.
-    let others = || imported.parts.iter().zip(&state).filter(|(_, s)| s[0]).flat_map(|(p, _)| p.names());
+    let others = || imported.parts.iter().zip(&has).filter(|(_, has)| has[0]).flat_map(|(p, _)| p.names());
     let mut names: Vec<String> = Vec::new();
-    for (part, _) in imported.parts.iter().zip(&state).filter(|(_, s)| s[1]) {
-        let own = part.names().find(|n| !n.ends_with('*') && !others().any(|o| o == *n));
-        match own {
+    for (part, _) in imported.parts.iter().zip(&has).filter(|(_, has)| has[1]) {
+        match part.names().find(|n| !n.ends_with('*') && !others().any(|o| o == *n)) {
             Some(name) if names.iter().any(|n| n == name) => {}
             Some(name) => names.push(name.to_owned()),
-            None => return Main::Inside(bounds(mesh, is_main)),
+            None => return MainObject::Inside(bounds(mesh, is_main)),
         }
     }
-    Main::Objects(names)
+    MainObject::Named(names)
 }
 
-/// The camera from the first side from which the subject is seen, else from that from
-/// which most of it is, moved forward to where nothing hides its middle.
+/// The camera from the first azimuth from which the main object is visible, else from the one from
+/// which most of it is, moved forward to where nothing hides its centre.
 fn view(mesh: &Mesh, is_main: &[bool], obstacles: &Obstacles, azimuth: Option<f32>) -> View {
-    let points = points(mesh, is_main);
+    let points = corners(mesh, is_main);
     let others: &[f32] = if azimuth.is_some() { &[] } else { &OTHER_AZIMUTHS };
     let mut best: Option<(f32, View)> = None;
     for a in std::iter::once(azimuth.unwrap_or(AZIMUTH)).chain(others.iter().copied()) {
         let view = frame::frame(&points, a);
         let share = obstacles.visible_share(&points, view.eye);
-        if share >= VISIBLE {
+        if share >= MIN_VISIBLE {
             return view;
         }
         if best.is_none_or(|(most, _)| share > most) {
@@ -222,8 +214,10 @@ fn view(mesh: &Mesh, is_main: &[bool], obstacles: &Obstacles, azimuth: Option<f3
     }
 }
 
+/// The view of a camera of the scene file, on a film of the default width.
 fn imported_view(camera: &ImportedCamera) -> View {
-    let aspect = Vec2::new(camera.aspect.unwrap_or(4.0 / 3.0), 1.0);
-    let height = (CAMERA_WIDTH as f32 / aspect.x).round().max(1.0) as u32;
-    View { eye: camera.position, look_at: camera.look_at, vfov: camera.vfov, size: [CAMERA_WIDTH, height] }
+    let [width, height] = DEFAULT_FILM.map(|n| n as f32);
+    let aspect = camera.aspect.unwrap_or(width / height);
+    let height = (width / aspect).round().max(1.0) as u32;
+    View { eye: camera.position, look_at: camera.look_at, vfov: camera.vfov, size: [DEFAULT_FILM[0], height] }
 }

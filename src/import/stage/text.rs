@@ -1,28 +1,30 @@
-//! The sidecar of a staged scene, for users to edit.
+//! The sidecar of a staged scene as text, for users to edit.
 
 use std::fmt::Write as _;
 
 use glam::Vec3;
 
 use super::{
-    Main, Plan,
-    rig::{Form, radius},
+    plan::{MainObject, Plan},
+    rig::{LightForm, radius},
 };
 use crate::import::{
+    axes::UpAxis,
     backdrop::{self, Sweep},
-    sidecar::{SCHEMA, UpAxis},
+    sidecar::SCHEMA,
 };
 
-/// Names of the main object on one line, at most.
+/// Names of the main object on one line, at most: four of some 20 letters fill 100 columns.
 const MAX_ON_A_LINE: usize = 4;
-
-/// Base colour of the backdrop: light grey paper.
-const COLOR: [f32; 3] = [0.6; 3];
-/// Bounds of the factor on it: to albedos of 0.006 and 0.95.
+/// Bounds of the background's value: they take the albedo of [`backdrop::BASE_COLOR`] to 0.006, black
+/// velvet, and to 0.95, white paper; above 1/0.6 it would exceed 1.
 const VALUE_RANGE: [f32; 2] = [0.01, 1.58];
+/// Margin of the main object's box, in radii of the box. [`Decimals`] rounds its corners by at most
+/// 5·10⁻⁴ of the subject's radius; four times as much keeps its own triangles inside.
+const BOX_MARGIN: f32 = 2e-3;
 
-/// A number to three digits, for messages.
-pub fn plain(v: f32) -> String {
+/// A number to three significant digits, for messages.
+pub fn three_digits(v: f32) -> String {
     if v != 0.0 && (v.abs() < 0.01 || v.abs() >= 1e6) {
         return format!("{v:.2e}");
     }
@@ -30,18 +32,18 @@ pub fn plain(v: f32) -> String {
     format!("{v:.decimals$}")
 }
 
-/// What was staged, in words.
-pub fn in_words(plan: &Plan) -> String {
-    let main = match &plan.main {
-        Main::Objects(names) if names.iter().any(|n| n == "*") => "everything".to_owned(),
-        Main::Objects(names) if names.len() > MAX_ON_A_LINE => {
+/// Which object was taken for the main one, and what was added, in words.
+pub fn summary(plan: &Plan) -> String {
+    let main = match &plan.main_object {
+        MainObject::Named(names) if names.iter().any(|n| n == "*") => "everything".to_owned(),
+        MainObject::Named(names) if names.len() > MAX_ON_A_LINE => {
             format!("{} and {} more", names[..MAX_ON_A_LINE - 1].join(", "), names.len() + 1 - MAX_ON_A_LINE)
         }
-        Main::Objects(names) => names.join(", "),
-        Main::Inside(_) => "what stands on the floor".to_owned(),
+        MainObject::Named(names) => names.join(", "),
+        MainObject::Inside(_) => "what stands on the floor".to_owned(),
     };
     let staged = [
-        (plan.view.is_some(), "a camera"),
+        (plan.camera.is_some(), "a camera"),
         (plan.backdrop.is_some(), "a backdrop"),
         (!plan.lights.is_empty(), "three lights"),
     ];
@@ -50,11 +52,11 @@ pub fn in_words(plan: &Plan) -> String {
     format!("main object: {main}; staged with {}", staged.join(", "))
 }
 
-/// Numbers to a thousandth of the subject's size.
+/// Writes lengths with as many decimals as resolve a thousandth of the subject's radius.
 #[derive(Clone, Copy)]
-struct Numbers(usize);
+struct Decimals(usize);
 
-impl Numbers {
+impl Decimals {
     fn for_size(size: f32) -> Self {
         Self((3.0 - size.max(1e-30).log10().floor()).clamp(1.0, 30.0) as usize)
     }
@@ -70,9 +72,9 @@ impl Numbers {
     }
 }
 
-/// The whole file.
+/// The text of the sidecar.
 pub fn sidecar(plan: &Plan) -> String {
-    let n = Numbers::for_size(radius(&plan.subject));
+    let n = Decimals::for_size(radius(&plan.subject));
     let mut out = format!(
         "# Staging of {}: camera and lights found from its geometry. Edit what you like;\n\
          # lengths are metres, angles degrees.\nschema = {SCHEMA}\n",
@@ -84,7 +86,7 @@ pub fn sidecar(plan: &Plan) -> String {
     if plan.up_axis == UpAxis::Z {
         out.push_str("up_axis = \"z\"\n");
     }
-    if let Some(view) = &plan.view {
+    if let Some(view) = &plan.camera {
         let [width, height] = view.size;
         push(
             &mut out,
@@ -108,9 +110,9 @@ fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
     let _ = out.write_fmt(arguments);
 }
 
-fn main_object(out: &mut String, plan: &Plan, n: Numbers) {
-    match &plan.main {
-        Main::Objects(names) => {
+fn main_object(out: &mut String, plan: &Plan, n: Decimals) {
+    match &plan.main_object {
+        MainObject::Named(names) => {
             let quoted = names.iter().map(|name| toml::Value::from(name.as_str()).to_string());
             let quoted: Vec<String> = quoted.collect();
             let list = match names.len() {
@@ -119,21 +121,20 @@ fn main_object(out: &mut String, plan: &Plan, n: Numbers) {
             };
             push(out, format_args!("\n[main_object]\nobjects = {list}\n"));
         }
-        Main::Inside(bounds) => {
-            // Beyond what rounding takes away.
-            let margin = 2e-3 * radius(bounds);
+        MainObject::Inside(bounds) => {
+            let margin = BOX_MARGIN * radius(bounds);
             let (lo, hi) = (n.three(bounds.lo - margin), n.three(bounds.hi + margin));
             push(out, format_args!("\n[main_object]\ninside = [{lo}, {hi}]\n"));
         }
     }
 }
 
-fn backdrop(out: &mut String, sweep: &Sweep, n: Numbers) {
+fn backdrop(out: &mut String, sweep: &Sweep, n: Decimals) {
     push(
         out,
         format_args!(
             "\n# A seamless sweep: a floor that bends up into a wall.\n[{}]\nposition = {}\nturn = {:.1}\n\
-             front = {}\nback = {}\nwidth = {}\nheight = {}\nradius = {}\nbase_color = {COLOR:?}\n\n\
+             front = {}\nback = {}\nwidth = {}\nheight = {}\nradius = {}\nbase_color = {:?}\n\n\
              # The backdrop may be exchanged, from black velvet to white paper.\n\
              [background]\nvalue_range = {VALUE_RANGE:?}\n",
             backdrop::NAME,
@@ -143,16 +144,17 @@ fn backdrop(out: &mut String, sweep: &Sweep, n: Numbers) {
             n.one(sweep.back),
             n.one(sweep.width),
             n.one(sweep.height),
-            n.one(sweep.radius)
+            n.one(sweep.radius),
+            backdrop::BASE_COLOR
         ),
     );
 }
 
-fn lights(out: &mut String, plan: &Plan, n: Numbers) {
+fn lights(out: &mut String, plan: &Plan, n: Decimals) {
     for light in &plan.lights {
         let (kind, extent) = match light.form {
-            Form::Softbox(half) => ("rectangle", format!("half_extents = [{0}, {0}]", n.one(half))),
-            Form::Disk(r) => ("disk", format!("radius = {}", n.one(r))),
+            LightForm::Square(half) => ("rectangle", format!("half_extents = [{0}, {0}]", n.one(half))),
+            LightForm::Disk(r) => ("disk", format!("radius = {}", n.one(r))),
         };
         push(
             out,
@@ -169,7 +171,7 @@ fn lights(out: &mut String, plan: &Plan, n: Numbers) {
     }
 }
 
-/// With a capital and a full stop.
+/// Words as a sentence, with a capital and a full stop.
 fn sentence(words: &str) -> String {
     let mut letters = words.chars();
     let first = letters.next().map(|c| c.to_ascii_uppercase());
@@ -182,9 +184,12 @@ mod tests {
 
     #[test]
     fn numbers_have_the_digits_that_the_size_asks_for() {
-        assert_eq!(Numbers::for_size(0.05).one(0.123456), "0.12346");
-        assert_eq!(Numbers::for_size(50.0).one(123.456), "123.46");
-        assert_eq!(Numbers::for_size(5e6).one(-0.01), "0.0");
-        assert_eq!(["61.0", "1.80", "0.0500", "1.00e-5", "1234"], [61.0, 1.8, 0.05, 1e-5, 1234.0].map(plain));
+        assert_eq!(Decimals::for_size(0.05).one(0.123456), "0.12346");
+        assert_eq!(Decimals::for_size(50.0).one(123.456), "123.46");
+        assert_eq!(Decimals::for_size(5e6).one(-0.01), "0.0");
+        assert_eq!(
+            ["61.0", "1.80", "0.0500", "1.00e-5", "1234"],
+            [61.0, 1.8, 0.05, 1e-5, 1234.0].map(three_digits)
+        );
     }
 }

@@ -1,4 +1,8 @@
-//! What of a scene is its subject, and whether it stands on a floor.
+//! Finds the subject of a scene, and whether it stands on a floor.
+//!
+//! The thresholds are dimensionless and chosen by hand. The interval that each names is the one over
+//! which the subjects found in the test scenes stay the same: the 20 of the comparison with Mitsuba,
+//! the rooms of boxes in this module's tests, and the fruit basket.
 
 use std::collections::HashMap;
 
@@ -9,46 +13,63 @@ use crate::{
     scene::mesh::{Mesh, face_normal},
 };
 
-/// Pieces above which nothing is grouped.
+/// Pieces above which everything is the subject: all pairs are tested, which takes 40 ms for 3000.
 const MAX_PIECES: usize = 3000;
-/// Largest thickness of a panel, in its extents.
+/// Largest thickness of a panel over its largest extent: a table top is one, a box is none.
+/// Interval 0.026 to 0.49.
 const PANEL_THICKNESS: f32 = 0.04;
-/// Least extents of a floor or a wall, in those of the scene.
+/// Least extents of a floor or wall along its plane, over those of the scene: a rug or a table top that
+/// spans less is furniture. Interval 0.02 to 0.99.
 const PANEL_SPAN: f32 = 0.6;
-/// Largest distance of a floor or wall from the scene's boundary, in its extents.
+/// Largest distance of a floor, wall or ceiling from the scene's bounding box, over the box's extent:
+/// skirting boards and lamps reach beyond a room by less. Interval 0.001 to 1.8.
 const PANEL_GAP: f32 = 0.05;
-/// Least horizontal extents of a room or a backdrop, in those of the scene.
+/// Least horizontal extents of a room or a backdrop, over those of the scene: only what stands outside
+/// may reach farther. Interval 0.03 to 0.95.
 const ROOM_SPAN: f32 = 0.9;
-/// How far a room's walls are from the scene's boundary at most, in its extents.
+/// Largest distance of a room's walls from the scene's bounding box, over the box's extent: the reveal of
+/// a window or door. Interval 0.0006 to 0.71.
 const BOUNDARY: f32 = 0.02;
-/// How high above a floor a subject is still taken to stand on it, in the scene's height.
+/// Largest height of a subject's lowest point above or below a floor, over the scene's height: pictures
+/// that hang in a room stand on its floor too. Interval 0.10 to 0.25.
 const STANDING_GAP: f32 = 0.12;
-/// Least share of a room's area that lies on the scene's boundary.
+/// Least share of a room's area that lies on the scene's bounding box: the rest is what is modelled with
+/// it. Interval 0.02 to 0.98.
 const ROOM_SHARE: f32 = 0.7;
-/// Least share of that which faces inward: a closed box seen from outside is no room.
+/// Least share of a room's area on the bounding box that faces inward: a closed box seen from outside is
+/// no room; of a room whose walls are thick, half of the area faces out. Interval 0.01 to 0.98.
 const INWARD_SHARE: f32 = 0.4;
-/// Least horizontal extents of a backdrop or a landscape, in those of all else.
+/// Least horizontal extents of a backdrop or a landscape, over those of all else: it shows on both sides
+/// of the subject. Interval 0.04 to 3.1.
 const ENCLOSING_SPAN: f32 = 1.5;
-/// Least share of its area that faces the middle of all else.
+/// Least share of the area of a backdrop or a landscape that faces the centre of all else: below 0.51 a
+/// backdrop with a back side is one, and so is any large object beside others. Interval 0.51 to 1.
 const ENCLOSING_SHARE: f32 = 0.8;
-/// Largest horizontal extents of what stands in a room or on a floor, in those of the scene.
+/// Largest horizontal extents of a subject, over those of the scene: what fills the floor is the scene
+/// itself. Interval 0.76 to 0.84.
 const MAX_STANDING: f32 = 0.8;
-/// Pieces whose boxes are no farther apart, in diagonals of all but floor and walls, belong together.
+/// Largest distance of pieces that belong together, over the diagonal of all but floor and walls: parts
+/// of an object touch, objects beside each other do not. Interval 0.0015 to 0.28.
 const TOUCHING: f32 = 0.01;
+/// Least size of a group over that of the largest for it to be as much the subject: of a chess set more
+/// than a king, of a table with a lamp the table alone. Interval 0.26 to 0.67.
+const EQUAL_SIZE: f32 = 0.6;
+/// Least vertical component of the normal of a triangle that carries a named subject: it slopes by 45°.
+const MIN_FLOOR_NORMAL: f32 = 0.7;
+/// Largest depth of a floor below a named subject, over the subject's diagonal: what lies deeper does not
+/// show as the floor on which it stands.
+const MAX_FLOOR_DEPTH: f32 = 0.5;
 
-/// Groups of this size, in that of the largest, are as much the subject.
-const EQUAL: f32 = 0.6;
-
-/// What of a scene is its subject.
+/// The main object that is found, or was named.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subject {
-    /// By triangle.
+    /// Whether each triangle belongs to the main object.
     pub is_main: Vec<bool>,
-    /// Whether something below carries it.
+    /// Whether the scene has a floor, room or landscape under the main object.
     pub has_floor: bool,
 }
 
-/// Triangles that belong together.
+/// An object or group, or a connected part of a mesh that has only one.
 #[derive(Debug)]
 struct Piece {
     triangles: Vec<usize>,
@@ -106,9 +127,9 @@ pub fn has_floor(mesh: &Mesh, is_main: &[bool]) -> bool {
     let below = others.filter(|c| {
         let normal = face_normal(*c).normalize_or_zero();
         let b = Bounds::of(*c);
-        normal.y.abs() > 0.7
+        normal.y.abs() > MIN_FLOOR_NORMAL
             && b.hi.y <= subject.lo.y + PANEL_GAP * size
-            && b.lo.y >= subject.lo.y - 0.5 * size
+            && b.lo.y >= subject.lo.y - MAX_FLOOR_DEPTH * size
     });
     let floor = Bounds::of(below.flatten());
     floor.lo.x <= subject.lo.x
@@ -121,13 +142,13 @@ fn bounds_of(pieces: &[&Piece]) -> Bounds {
     pieces.iter().map(|p| p.bounds).reduce(Bounds::union).unwrap_or(Bounds::of([]))
 }
 
-/// Whether a piece spans this share of the scene, seen from above.
+/// Whether the horizontal extents of a piece are at least a share of the scene's.
 fn spans(piece: &Piece, scene: &Bounds, share: f32) -> bool {
     let (extent, whole) = (piece.bounds.extent(), scene.extent());
     extent.x >= share * whole.x && extent.z >= share * whole.z
 }
 
-/// A panel at the bottom, or a room.
+/// Whether a panel or room reaches down to the scene's lowest point and is wide enough to stand on.
 fn is_floor(piece: &Piece, scene: &Bounds) -> bool {
     piece.bounds.lo.y <= scene.lo.y + PANEL_GAP * scene.extent().y && spans(piece, scene, PANEL_SPAN)
 }
@@ -175,8 +196,8 @@ fn encloses(mesh: &Mesh, piece: &Piece, pieces: &[&Piece], scene: &Bounds) -> bo
     inward >= ENCLOSING_SHARE * total
 }
 
-/// Area of the triangles of a piece that `counts`, and that of those whose shading normals
-/// face a point.
+/// Area of the triangles of a piece for which `counts` holds, and of those among them whose shading
+/// normals face a point.
 fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) -> bool) -> (f32, f32) {
     let triangles = piece.triangles.iter().map(|&t| (t, mesh.corners(t))).filter(|(_, c)| counts(c));
     triangles.fold((0.0, 0.0), |(total, facing), (t, c)| {
@@ -186,8 +207,7 @@ fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) ->
     })
 }
 
-/// The group of touching pieces with the largest box, and those about as large: of a chess
-/// set more than a king.
+/// The pieces of the largest group of touching pieces, and of the groups about as large.
 fn dominant<'a>(pieces: &[&'a Piece], gap: f32) -> Vec<&'a Piece> {
     let mut group: Vec<usize> = (0..pieces.len()).collect();
     for i in 0..pieces.len() {
@@ -205,10 +225,10 @@ fn dominant<'a>(pieces: &[&'a Piece], gap: f32) -> Vec<&'a Piece> {
     let groups: Vec<(usize, f32)> =
         (0..pieces.len()).filter(|&i| roots[i] == i).map(|r| (r, size(r))).collect();
     let largest = groups.iter().map(|(_, s)| *s).fold(0.0, f32::max);
-    groups.iter().filter(|(_, s)| *s >= EQUAL * largest).flat_map(|(r, _)| members(*r)).collect()
+    groups.iter().filter(|(_, s)| *s >= EQUAL_SIZE * largest).flat_map(|(r, _)| members(*r)).collect()
 }
 
-/// The representative of a set, whose paths are halved on the way.
+/// Representative of a set of a disjoint-set forest; halves the path to it.
 fn root(parent: &mut [usize], mut i: usize) -> usize {
     while parent[i] != i {
         parent[i] = parent[parent[i]];
@@ -217,6 +237,7 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
     i
 }
 
+/// The pieces of a mesh in the order of their first triangles.
 fn pieces(mesh: &Mesh) -> Vec<Piece> {
     let one_object = mesh.objects.windows(2).all(|w| w[0] == w[1]);
     let label =
@@ -237,7 +258,7 @@ fn pieces(mesh: &Mesh) -> Vec<Piece> {
     out
 }
 
-/// Connected part of each triangle: those that share a position are connected.
+/// Label of the connected part of each triangle: triangles that share a position are connected.
 fn components(mesh: &Mesh) -> Vec<usize> {
     let mut at: HashMap<[u32; 3], usize> = HashMap::new();
     let mut parent: Vec<usize> = (0..mesh.indices.len()).collect();
@@ -254,7 +275,7 @@ fn components(mesh: &Mesh) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::backdrop::Sweep;
+    use crate::import::backdrop::Sweep;
 
     /// Appends a box, or a panel if an extent is 0.
     fn add(mesh: &mut Mesh, object: u32, lo: [f32; 3], hi: [f32; 3]) {

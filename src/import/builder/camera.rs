@@ -1,0 +1,75 @@
+//! The camera: that of the sidecar, else that of the scene file.
+
+use glam::{UVec2, Vec3};
+
+use super::source::Source;
+use crate::{
+    camera::{Camera, Lens, MAX_PIXELS, is_film_size},
+    import::{
+        error::ImportError,
+        imported::ImportedCamera,
+        sidecar::{CameraSpec, DEFAULT_FILM, Sidecar},
+    },
+};
+
+/// Largest aspect ratio, and inverse of the smallest, of an imported camera's film: beyond it a film
+/// [`DEFAULT_FILM`] wide has fewer than 40 rows, or more than 10 240.
+const MAX_ASPECT: f32 = 16.0;
+
+impl Source<'_> {
+    /// The sidecar's camera, else that of the scene file.
+    pub fn camera(&self, sidecar: &Sidecar, imported: Option<ImportedCamera>) -> Result<Camera, ImportError> {
+        match (&sidecar.camera, imported) {
+            (Some(spec), _) => self.sidecar_camera(spec),
+            (None, Some(camera)) => self.imported_camera(&camera),
+            (None, None) => Err(self.missing("camera")),
+        }
+    }
+
+    fn sidecar_camera(&self, c: &CameraSpec) -> Result<Camera, ImportError> {
+        if !(c.vfov > 0.0 && c.vfov < 180.0) {
+            return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
+        }
+        for (key, value) in
+            [("camera.position", c.position), ("camera.look_at", c.look_at), ("camera.up", c.up)]
+        {
+            self.finite(key, value)?;
+        }
+        if !is_film_size(c.size.into()) {
+            let allowed = format!("must be at least 1 x 1 and at most {MAX_PIXELS} pixels");
+            return Err(self.error("camera.size", format!("{allowed}, got {:?}", c.size)));
+        }
+        let camera =
+            Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
+                .ok_or_else(|| {
+                    self.error("camera.look_at", "must differ from `position` and not lie along `up`")
+                })?;
+        Ok(camera.with_lens(self.lens(c)?))
+    }
+
+    /// The thin lens, focused on `look_at` where the sidecar does not say; `None` for a pinhole.
+    fn lens(&self, c: &CameraSpec) -> Result<Option<Lens>, ImportError> {
+        match (c.aperture_radius, c.focus_distance) {
+            (None, None) => Ok(None),
+            (None, Some(_)) => Err(self.error("camera.focus_distance", "needs `aperture_radius`")),
+            (Some(radius), focus) => {
+                let radius = self.positive("camera.aperture_radius", radius)?;
+                let looked_at = Vec3::from(c.look_at).distance(c.position.into());
+                let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or(looked_at))?;
+                Ok(Some(Lens { radius, focus_distance }))
+            }
+        }
+    }
+
+    fn imported_camera(&self, c: &ImportedCamera) -> Result<Camera, ImportError> {
+        let [width, height] = DEFAULT_FILM;
+        let height = c.aspect.map_or(height, |a| {
+            let aspect = a.clamp(1.0 / MAX_ASPECT, MAX_ASPECT);
+            (width as f32 / aspect).round() as u32
+        });
+        Camera::new(c.position, c.look_at, c.up, c.vfov, UVec2::new(width, height)).ok_or_else(|| {
+            let message = "cannot be used as it is placed; give [camera] in the sidecar".into();
+            ImportError::Key { path: self.scene_path.into(), key: "cameras".into(), message }
+        })
+    }
+}

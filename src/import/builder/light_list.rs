@@ -1,0 +1,110 @@
+//! The lights of a scene in their order, each with the author's wishes for its variables.
+
+use std::collections::HashSet;
+
+use super::{emitters::Emitters, lights::punctual, source::Source};
+use crate::{
+    import::{
+        error::ImportError,
+        imported::{ImportedLight, MAX_LIGHT_NAME, printable_name},
+        sidecar::{LightSpec, Sidecar},
+    },
+    light::{Light, Shape},
+    math::luminance,
+    scene::{Material, Mesh},
+    variables::LightWishes,
+};
+
+impl Source<'_> {
+    /// The lights of the scene file that the sidecar does not replace, the sidecar's in their
+    /// order, then the materials that emit and that no light of the sidecar stands for.
+    pub fn lights(
+        &self,
+        sidecar: &Sidecar,
+        imported: &[ImportedLight],
+        mesh: &Mesh,
+        materials: &[Material],
+        warnings: &mut Vec<String>,
+    ) -> Result<Vec<(Light, LightWishes)>, ImportError> {
+        let mut names = self.light_names(sidecar)?;
+        let mut lights = Vec::new();
+        let from_file =
+            || LightWishes { free: sidecar.free.clone(), is_from_file: true, ..LightWishes::default() };
+        for l in imported {
+            if names.insert(l.name.clone()) {
+                lights.push((punctual(l), from_file()));
+            } else {
+                let file = self.scene_path.display();
+                warnings.push(format!("{file}: light `{}` is replaced by that of the sidecar", l.name));
+            }
+        }
+        let mut emitters = Emitters::new(mesh, materials);
+        for l in &sidecar.lights {
+            lights.push((self.light(l, &mut emitters, warnings)?, self.light_wishes(sidecar, l)?));
+        }
+        for m in emitters.unclaimed() {
+            let Some(shape) = emitters.mesh_light(m) else { continue };
+            let name = unused_name(&materials[m].name, &names);
+            names.insert(name.clone());
+            let tint = materials[m].emission_tint();
+            let light = Light {
+                name,
+                shape: Shape::Mesh(shape),
+                color: tint / luminance(tint),
+                radiance: luminance(tint),
+                size: 1.0,
+                camera_visible: true,
+                occludes: false,
+            };
+            lights.push((light, from_file()));
+        }
+        Ok(lights)
+    }
+
+    /// Names of the sidecar's lights, which become those of EXR parts and must be unique.
+    fn light_names(&self, sidecar: &Sidecar) -> Result<HashSet<String>, ImportError> {
+        let mut names = HashSet::new();
+        for (i, l) in sidecar.lights.iter().enumerate() {
+            let is_printable = l.name.chars().all(|c| c == ' ' || c.is_ascii_graphic());
+            if l.name.trim().is_empty() || l.name.len() > MAX_LIGHT_NAME || !is_printable {
+                let message = format!("must be 1 to {MAX_LIGHT_NAME} ASCII characters, got {:?}", l.name);
+                return Err(self.error(format!("lights[{}].name", i + 1), message));
+            }
+            if !names.insert(l.name.clone()) {
+                return Err(self.error(format!("lights.{}", l.name), "two lights have this name"));
+            }
+        }
+        Ok(names)
+    }
+
+    fn light_wishes(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightWishes, ImportError> {
+        if let Some([lo, hi]) = l.size_range
+            && !(lo > 0.0 && lo <= hi && hi.is_finite())
+        {
+            let key = format!("lights.{}.size_range", l.name);
+            return Err(self.error(key, format!("must be 0 < min <= max, got [{lo}, {hi}]")));
+        }
+        if let Some(max) = l.radiance_max {
+            self.positive(&format!("lights.{}.radiance_max", l.name), max)?;
+        }
+        if l.occludes && (l.size_range.is_some() || l.free.as_ref().is_some_and(|f| f.contains("size"))) {
+            let key = format!("lights.{}.occludes", l.name);
+            return Err(self.error(key, "a light that stops rays has no free size"));
+        }
+        let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
+        Ok(LightWishes { free, size_range: l.size_range, radiance_max: l.radiance_max, is_from_file: false })
+    }
+}
+
+/// A name for the light of a material: printable, and different from the names in use.
+fn unused_name(material: &str, used: &HashSet<String>) -> String {
+    let printable = printable_name(material);
+    let base = if printable.trim().is_empty() { "emitter".to_owned() } else { printable };
+    let mut name = base.clone();
+    let mut n = 1;
+    while used.contains(&name) {
+        n += 1;
+        name = format!("{base} {n}");
+    }
+    name
+}

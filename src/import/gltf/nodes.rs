@@ -1,0 +1,148 @@
+//! The node hierarchy: transformations, instances, joints and names.
+
+use std::collections::HashMap;
+
+use glam::{Mat4, Quat, Vec3};
+use gltf_json::{Accessor, Index, Node, Skin};
+
+use super::file::File;
+use crate::import::{error::ImportError, imported::Part};
+
+/// A node of the default scene.
+pub struct SceneNode {
+    /// Index in the file's list of nodes.
+    pub index: usize,
+    /// Position of the parent in the list of scene nodes; `None` for a root.
+    pub parent: Option<usize>,
+    /// Transformation from the node's coordinates to world space.
+    pub world: Mat4,
+    /// Whether neither the node nor an ancestor is hidden by `KHR_node_visibility`.
+    pub is_visible: bool,
+}
+
+/// The nodes of the default scene, else of the first, every parent before its children.
+///
+/// # Errors
+/// When a node does not exist, is met twice, or its transformation is not finite.
+pub fn scene_nodes(file: &File) -> Result<Vec<SceneNode>, ImportError> {
+    let root = &file.root;
+    let roots: Vec<Index<Node>> = match root.scene {
+        Some(scene) => file.get("scene", scene)?.nodes.clone(),
+        None => root.scenes.first().map(|s| s.nodes.clone()).unwrap_or_default(),
+    };
+    let mut out: Vec<SceneNode> = Vec::new();
+    let mut is_met = vec![false; root.nodes.len()];
+    let mut next: Vec<(Index<Node>, Option<usize>)> = roots.iter().rev().map(|&n| (n, None)).collect();
+    while let Some((node, parent)) = next.pop() {
+        let index = node.value();
+        let key =
+            parent.map_or_else(|| "scenes.nodes".into(), |p| format!("nodes[{}].children", out[p].index));
+        let json = file.get(&key, node)?;
+        if std::mem::replace(&mut is_met[index], true) {
+            return Err(file.error(key, format!("node {index} stands in the tree twice")));
+        }
+        let (above, was_visible) =
+            parent.map_or((Mat4::IDENTITY, true), |p| (out[p].world, out[p].is_visible));
+        let world = above * local(json);
+        if !world.is_finite() {
+            return Err(file.error(format!("nodes[{index}]"), "its transformation must be finite"));
+        }
+        let visibility = json.extensions.as_ref().and_then(|e| e.others.get("KHR_node_visibility"));
+        let is_hidden = visibility.is_some_and(|v| v["visible"].as_bool() == Some(false));
+        let id = out.len();
+        out.push(SceneNode { index, parent, world, is_visible: was_visible && !is_hidden });
+        next.extend(json.children.iter().flatten().rev().map(|&child| (child, Some(id))));
+    }
+    Ok(out)
+}
+
+fn local(node: &Node) -> Mat4 {
+    if let Some(m) = &node.matrix {
+        return Mat4::from_cols_array(m);
+    }
+    Mat4::from_scale_rotation_translation(
+        node.scale.map_or(Vec3::ONE, Vec3::from_array),
+        node.rotation.map_or(Quat::IDENTITY, |q| rotation(q.0)),
+        node.translation.map_or(Vec3::ZERO, Vec3::from_array),
+    )
+}
+
+fn rotation(q: [f32; 4]) -> Quat {
+    let q = Quat::from_array(q);
+    if q.length_squared() > 0.0 { q.normalize() } else { Quat::IDENTITY }
+}
+
+/// Names that select the triangles of the node at position `id` of `nodes`: the node's own as the
+/// object, those of its ancestors and of its mesh as groups.
+pub fn part(file: &File, nodes: &[SceneNode], id: usize, mesh: Option<&str>) -> Part {
+    let mut names: Vec<String> = Vec::new();
+    let mut at = Some(id);
+    while let Some(node) = at.map(|i| &nodes[i]) {
+        names.extend(file.root.nodes[node.index].name.clone());
+        at = node.parent;
+    }
+    names.extend(mesh.map(str::to_owned));
+    names.retain(|n| !n.is_empty());
+    let mut names = names.into_iter();
+    Part { object: names.next(), groups: names.collect() }
+}
+
+/// Transformations of a skin's joints in the default pose, from the mesh's bind pose to world space;
+/// glTF 2.0 section 3.7.3. `worlds` are those of the scene's nodes by index in the file.
+///
+/// # Errors
+/// When the skin or its matrices do not exist, or a joint is not in the scene.
+pub fn joint_matrices(
+    file: &File,
+    key: &str,
+    skin: Index<Skin>,
+    worlds: &HashMap<usize, Mat4>,
+) -> Result<Vec<Mat4>, ImportError> {
+    let json = file.get(&format!("{key}.skin"), skin)?;
+    let key = format!("skins[{}]", skin.value());
+    let inverse = match json.inverse_bind_matrices {
+        Some(accessor) => file.elements::<16>(&key, accessor)?,
+        None => Vec::new(),
+    };
+    let joint = |(i, joint): (usize, &Index<Node>)| {
+        let world = worlds.get(&joint.value()).copied().ok_or_else(|| {
+            file.error(&key, format!("its joint, node {}, is not in the scene", joint.value()))
+        })?;
+        let bind = inverse.get(i).map_or(Mat4::IDENTITY, |m| Mat4::from_cols_array(&m.map(|v| v as f32)));
+        Ok(world * bind)
+    };
+    json.joints.iter().enumerate().map(joint).collect()
+}
+
+/// Transformations of a node's instances (`EXT_mesh_gpu_instancing`) in the node's coordinates; the
+/// identity alone without the extension.
+///
+/// # Errors
+/// When an attribute of the extension cannot be read.
+pub fn instances(file: &File, key: &str, node: &Node) -> Result<Vec<Mat4>, ImportError> {
+    let extension = node.extensions.as_ref().and_then(|e| e.others.get("EXT_mesh_gpu_instancing"));
+    let Some(attributes) = extension.map(|e| &e["attributes"]) else { return Ok(vec![Mat4::IDENTITY]) };
+    let accessor = |name: &str| -> Option<Index<Accessor>> {
+        Some(Index::new(u32::try_from(attributes[name].as_u64()?).ok()?))
+    };
+    let vectors = |name: &str| accessor(name).map(|a| file.elements::<3>(key, a)).transpose();
+    let rotations = accessor("ROTATION").map(|a| file.elements::<4>(key, a)).transpose()?;
+    let (translations, scales) = (vectors("TRANSLATION")?, vectors("SCALE")?);
+    let counts = [
+        translations.as_ref().map(Vec::len),
+        scales.as_ref().map(Vec::len),
+        rotations.as_ref().map(Vec::len),
+    ];
+    let n = counts.into_iter().flatten().min().unwrap_or(1);
+    let vector = |list: &Option<Vec<[f64; 3]>>, i: usize, default| {
+        list.as_ref().map_or(default, |l| Vec3::from_array(l[i].map(|v| v as f32)))
+    };
+    let instance = |i| {
+        Mat4::from_scale_rotation_translation(
+            vector(&scales, i, Vec3::ONE),
+            rotations.as_ref().map_or(Quat::IDENTITY, |l| rotation(l[i].map(|v| v as f32))),
+            vector(&translations, i, Vec3::ZERO),
+        )
+    };
+    Ok((0..n).map(instance).collect())
+}
