@@ -29,6 +29,11 @@ impl Directory {
         }
     }
 
+    /// Whether the export has written the file `name`.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.files.contains(&self.path.join(name))
+    }
+
     /// Writes the file `name` by `write`, whole or not at all.
     pub(super) fn write(
         &mut self,

@@ -187,6 +187,21 @@ fn a_spot_is_many_emitters_that_project_one_picture() {
 }
 
 #[test]
+fn lights_whose_names_differ_in_unsafe_characters_have_pictures_of_their_own() {
+    let spot = |name: &str, angle: f32| {
+        let point = DISK.replace("\"disk\"", "\"spot\"").replace("radius = 0.5", "radius = 0");
+        format!("{}angle = {angle}\n", point.replace("key", name))
+    };
+    let lights = [spot("a b", 30.0), spot("a_b", 50.0), spot("a/b", 70.0)].concat();
+    let (directory, xml, _) = exported(&lights);
+    for id in ["light_a_b", "light_a_b_2", "light_a_b_3"] {
+        assert!(xml.contains(&format!("<texture type=\"bitmap\" id=\"{id}\">")), "{id} is not in\n{xml}");
+        assert!(xml.contains(&format!("<ref name=\"texture\" id=\"{id}\"/>")), "{id} is not in\n{xml}");
+        assert!(directory.path().join(format!("out/{id}.exr")).is_file());
+    }
+}
+
+#[test]
 fn lights_at_infinity_and_bodies_that_stop_light_are_exported() {
     let sun = "[[lights]]\nname = \"sun\"\ntype = \"distant\"\nlook_at = [0.0, -2.0, 0.0]\nradiance = 3.0\n";
     let sky = "[[lights]]\nname = \"sky\"\ntype = \"environment\"\nradiance = 2.0\n";

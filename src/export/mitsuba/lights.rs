@@ -192,7 +192,7 @@ impl Writer<'_> {
         };
         let [width, height] = map.size();
         let part = ExrPart::rgb("color", &between_rows(map, radiance));
-        let stem = format!("light_{}", plain(&l.light.name));
+        let stem = self.light_stem(l.light);
         let file = self.directory.picture(&stem, [width, 2 * height + 1], part)?;
         let rotation = to_world(&format!("<rotate y=\"1\" angle=\"{}\"/>", e.rotation.to_degrees()));
         self.put(&element("emitter", "envmap", &(string("filename", &file) + &rotation)));
@@ -220,10 +220,23 @@ impl Writer<'_> {
                 cone.profile(cos) * factor(cos)
             })
             .collect();
-        let id = format!("light_{}", plain(&l.name));
+        let id = self.light_stem(l);
         let file = self.directory.picture(&id, [n, n], ExrPart::single("profile", "Y", texels))?;
         self.put(&bitmap(&format!("id=\"{id}\""), &file, &string("wrap_mode", "clamp")));
         Ok(id)
+    }
+
+    /// Name, without its ending, of the picture of a light. Names of lights that differ
+    /// only in unsafe characters get numbers.
+    fn light_stem(&self, l: &Light) -> String {
+        let plain = format!("light_{}", plain(&l.name));
+        let mut stem = plain.clone();
+        let mut n = 1;
+        while self.directory.has(&format!("{stem}.exr")) {
+            n += 1;
+            stem = format!("{plain}_{n}");
+        }
+        stem
     }
 
     fn spot(&mut self, texture: &str, cone: Cone, place: String, intensity: Rgb, weight: f32) {
