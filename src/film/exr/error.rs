@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::MAX_PIXELS;
+use super::{MAX_PIXELS, MAX_SAMPLES};
 use crate::files::atomic::AtomicWriteError;
 
 /// Why an EXR file cannot be read or written.
@@ -40,6 +40,17 @@ pub enum ExrError {
         width: usize,
         /// Height, pixels.
         height: usize,
+    },
+    /// Parts and channels that would take too much memory together.
+    #[error(
+        "{path}: {samples} samples in all channels of all parts; at most {MAX_SAMPLES} are possible",
+        path = .path.display()
+    )]
+    Samples {
+        /// Path of the EXR file.
+        path: PathBuf,
+        /// Number of samples: pixels times channels, summed over the parts.
+        samples: u64,
     },
     /// A channel of another size than the picture.
     #[error(
