@@ -1,14 +1,14 @@
 //! OpenEXR containers: several named parts of f32 channels and one attribute.
 //!
-//! Ours: part 0 is the beauty with plain channels R, G, B (linear Rec.709 radiance);
-//! further parts carry `luminance` (`l`), `mask` (`mask`), light groups and auxiliary
-//! channels. Part 0 has one custom attribute, `lightopt`, a JSON text with sorted keys:
-//! the `exr` crate keeps custom attributes in a hash map and would write several in random
-//! order. Compression is lossless (ZIP) or none, so a picture reads back bit for bit, and equal
-//! pictures make equal files.
+//! Part 0 of the files of this program is the beauty with plain channels R, G, B (linear
+//! Rec.709 radiance); further parts carry `luminance` (`l`), `mask` (`mask`), the share of
+//! each light and auxiliary channels. Part 0 has one custom attribute, `lightopt`, a JSON
+//! text with sorted keys: the `exr` crate keeps custom attributes in a hash map and would
+//! write several in random order. Compression is lossless (ZIP) or none, so that a picture
+//! reads back bit for bit, and equal pictures make equal files.
 //!
-//! Reading also takes files of other programs: half, float and integer samples, layers
-//! as channel prefixes, data windows other than the display window.
+//! Files of other programs can be read too: half, float and integer samples, layers as
+//! channel prefixes, data windows other than the display window.
 
 mod error;
 
@@ -26,36 +26,38 @@ pub use error::ExrError;
 
 use crate::files::atomic::write_atomically;
 
-/// Name of our attribute.
+/// Name of the attribute of part 0 that holds what a picture is of.
 pub const ATTRIBUTE: &str = "lightopt";
 
-/// Most pixels of a part, 2²⁸: four times the largest film.
+/// Largest number of pixels of a part, 2²⁸: four times the largest film.
 pub const MAX_PIXELS: usize = 1 << 28;
 
-/// Most samples of a file, pixels times channels over all parts, 2³¹: 8 GiB as f32, the
-/// most memory that a header which lies can claim. A picture of 7680 x 4320 pixels with the
-/// shares of 17 lights fits.
+/// Largest number of samples of a file, pixels times channels over all parts, 2³¹: 8 GiB as
+/// f32, the most memory that a header which lies can claim. A picture of 7680 x 4320 pixels
+/// with the shares of 17 lights fits.
 pub const MAX_SAMPLES: u64 = 1 << 31;
 
-/// One part: a named group of channels of the picture's size.
+/// A part of an EXR file: a named group of channels, all of the picture's size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrPart {
-    /// Its name, unique in the file; may be empty in files of other programs.
+    /// Name of the part, unique in the file; may be empty in files of other programs.
     pub name: String,
-    /// Names and samples, row-major from the top left; files keep them sorted by name.
+    /// Name and samples of each channel, the samples row-major from the top left. Files keep
+    /// channels sorted by name.
     pub channels: Vec<(String, Vec<f32>)>,
 }
 
-/// A picture of one or more parts.
+/// An EXR picture of one or more parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExrImage {
-    /// Width, pixels (of the display window).
+    /// Width of the display window, pixels.
     pub width: usize,
-    /// Height, pixels.
+    /// Height of the display window, pixels.
     pub height: usize,
-    /// At least one; part 0 is the beauty.
+    /// Parts of the picture, at least one; part 0 is the beauty.
     pub parts: Vec<ExrPart>,
-    /// The `lightopt` attribute of part 0.
+    /// Value of the attribute `lightopt` of part 0: the scene, the settings and the results
+    /// that the picture belongs to.
     pub lightopt: Option<Value>,
 }
 
@@ -80,13 +82,13 @@ impl ExrPart {
         Self { name: name.into(), channels: vec![(channel.to_owned(), values)] }
     }
 
-    /// The samples of a channel.
+    /// Samples of the channel of this name, row-major from the top left.
     #[must_use]
     pub fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.iter().find(|(n, _)| n == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// Colours from the channels `{prefix}R`, `{prefix}G`, `{prefix}B`.
+    /// Colours of the pixels from the channels `{prefix}R`, `{prefix}G`, `{prefix}B`.
     fn colours(&self, prefix: &str) -> Option<Vec<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
         let (r, g, b) = (r?, g?, b?);
@@ -101,9 +103,9 @@ impl ExrImage {
         self.parts.iter().find(|p| p.name == name)
     }
 
-    /// The picture's colours: plain R, G, B of the first part that has them; else a layer
-    /// (channel prefix) with them, one called beauty, combined or rgba first; else a
-    /// single Y as grey.
+    /// Colours of the pixels: plain R, G, B of the first part that has them; else of a layer
+    /// (channel prefix), one called beauty, combined or rgba first; else Y as grey. `None`
+    /// when there is none of these.
     #[must_use]
     pub fn beauty(&self) -> Option<Vec<[f32; 3]>> {
         if let Some(rgb) = self.parts.iter().find_map(|p| p.colours("")) {
@@ -127,7 +129,7 @@ impl ExrImage {
         })
     }
 
-    /// `part.channel` of every channel, for messages.
+    /// Name of every channel as `part/channel`, for messages.
     #[must_use]
     pub fn channel_names(&self) -> Vec<String> {
         let mut names = Vec::new();
@@ -143,7 +145,7 @@ impl ExrImage {
     }
 }
 
-/// Writes `image`, whole or not at all.
+/// Writes `image` with lossless compression, whole or not at all.
 ///
 /// # Errors
 /// When names, sizes or the destination are not possible.
@@ -151,8 +153,8 @@ pub fn write_exr(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     write_encoded(path, image, Encoding::SMALL_LOSSLESS)
 }
 
-/// As [`write_exr`] without compression: much sooner done, and a quarter larger, for noisy
-/// floats hardly compress.
+/// Writes `image` without compression, whole or not at all: much faster than [`write_exr`],
+/// and a quarter larger, since noisy floats hardly compress.
 ///
 /// # Errors
 /// As [`write_exr`].
@@ -195,6 +197,7 @@ fn write_encoded(path: &Path, image: &ExrImage, encoding: Encoding) -> Result<()
     })
 }
 
+/// Checks that a picture can be written as EXR, before the file is begun.
 fn check(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     let &ExrImage { width, height, .. } = image;
     check_size(path, width, height)?;
@@ -221,6 +224,7 @@ fn check(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
     Ok(())
 }
 
+/// Checks the size of a part against [`MAX_PIXELS`].
 fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ExrError> {
     match width.checked_mul(height) {
         Some(1..=MAX_PIXELS) => Ok(()),
@@ -228,7 +232,7 @@ fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ExrError> 
     }
 }
 
-/// Refuses parts, each of so many pixels and channels, that exceed [`MAX_SAMPLES`] together.
+/// Checks the pixels and channels of all parts together against [`MAX_SAMPLES`].
 fn check_samples(path: &Path, parts: impl Iterator<Item = (usize, usize)>) -> Result<(), ExrError> {
     let product = |(pixels, channels): (usize, usize)| (pixels as u64).saturating_mul(channels as u64);
     match parts.map(product).fold(0, u64::saturating_add) {
@@ -237,6 +241,7 @@ fn check_samples(path: &Path, parts: impl Iterator<Item = (usize, usize)>) -> Re
     }
 }
 
+/// Checks that names are unique and of characters that EXR allows.
 fn check_names<'a>(
     path: &Path,
     kind: &'static str,
@@ -254,7 +259,7 @@ fn check_names<'a>(
     Ok(())
 }
 
-/// JSON with sorted keys in ASCII: EXR texts are bytes.
+/// `value` as JSON with sorted keys in ASCII, since EXR texts are bytes without encoding.
 fn ascii_json(value: &Value) -> String {
     let mut ascii = String::new();
     for c in sorted(value).to_string().chars() {
@@ -271,7 +276,8 @@ fn ascii_json(value: &Value) -> String {
     ascii
 }
 
-/// Sorts keys even where a dependency turns on `serde_json/preserve_order`.
+/// `value` with all keys sorted, even where a dependency turns on
+/// `serde_json/preserve_order`.
 fn sorted(value: &Value) -> Value {
     match value {
         Value::Object(map) => {
@@ -283,11 +289,12 @@ fn sorted(value: &Value) -> Value {
     }
 }
 
-/// Reads an EXR file, ours or another program's. Samples become f32; every part is laid
-/// into the display window, 0 where it has no data.
+/// Reads an EXR file of this or another program. Samples become f32; every part is laid
+/// into the display window and is 0 where it has no data.
 ///
 /// # Errors
-/// When the file is no EXR, too large, deep, subsampled, or its attribute broken.
+/// When the file is not an EXR, exceeds [`MAX_PIXELS`] or [`MAX_SAMPLES`], has deep or
+/// subsampled channels, or its attribute is not JSON.
 pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
     let read = |source| ExrError::Read { path: path.to_owned(), source };
     // The headers first: sizes are checked before anything is allocated for them.
@@ -339,7 +346,7 @@ pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
     Ok(ExrImage { width: window.size.0, height: window.size.1, parts, lightopt })
 }
 
-/// Lays samples of the data window into the display window.
+/// The samples of a channel in the display window, 0 outside the data window.
 fn fit(samples: Vec<f32>, data: IntegerBounds, display: IntegerBounds) -> Vec<f32> {
     if data == display {
         return samples;

@@ -1,4 +1,4 @@
-//! The ordinary film: a picture per light, or per lighting.
+//! The film of ordinary pictures, one of each light or one of each lighting.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -6,43 +6,45 @@ use glam::Vec2;
 
 use super::{Contribution, Film, Recorder, Region, RowRecorder, SplatBuffer};
 
-/// Radiance and size of a light while a picture is made.
+/// Radiance and size of a light in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightState {
-    /// Radiance L.
+    /// Radiance L per unit of the light's colour, in the unit of the light.
     pub radiance: f32,
-    /// Size s: contributions with ρ > s are not the light's.
+    /// Size s of the light: it emits no contribution whose size coordinate ρ exceeds s.
     pub size: f32,
 }
 
-/// Sums contributions into pictures: one of each light alone, for unit radiance, or one of each
-/// of several lightings.
+/// A film that sums contributions into pictures: one of each light alone, for unit radiance,
+/// or one of each of several lightings.
 #[derive(Debug)]
 pub struct RgbFilm<const N: usize = 1> {
     region: Region,
-    /// By light.
+    /// Pictures that the contributions of a light go to, by light.
     routes: Vec<Vec<Route>>,
-    /// Power of two per picture that brings splats near display white.
+    /// Power of two by which the splats of a picture are multiplied when they are stored, so
+    /// that display white is about 1, by picture.
     scales: Vec<f64>,
-    /// [pixel][picture][rgb]
+    /// Sums of the contributions with t ≥ 2, as `[pixel][picture][rgb]`.
     sums: Vec<f64>,
     splats: SplatBuffer,
+    /// Number of contributions dropped because they were not finite.
     non_finite: AtomicU64,
 }
 
-/// How the contributions of a light get into a picture.
+/// The way of the contributions of a light into a picture.
 #[derive(Clone, Copy, Debug)]
 struct Route {
     picture: usize,
-    /// Node of the background's value.
+    /// Node of the background's value that the picture sees.
     node: usize,
-    /// The light's size there.
+    /// Size of the light in the picture.
     size: f32,
-    /// Factor on them.
+    /// Factor on the contributions: the light's radiance in the picture, or 1 for unit radiance.
     gain: f32,
 }
 
-/// Recorder of a row of an [`RgbFilm`].
+/// Recorder of one row of an [`RgbFilm`].
 #[derive(Debug)]
 pub struct RgbRow<'a> {
     region: Region,
@@ -51,25 +53,26 @@ pub struct RgbRow<'a> {
     sums: &'a mut [f64],
     splats: &'a SplatBuffer,
     non_finite: &'a AtomicU64,
+    /// Index of the current pixel in the row.
     pixel: usize,
 }
 
-/// A finished picture: linear radiance, row by row.
+/// A finished picture in linear Rec.709 radiance, row by row from the top.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Columns.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
-    /// Sum over the lights.
+    /// Radiance of each pixel, the sum over the lights.
     pub rgb: Vec<[f32; 3]>,
-    /// The share of each light, its radiance included.
+    /// Radiance of each pixel that is due to one light, by light.
     pub lights: Vec<Vec<[f32; 3]>>,
 }
 
 impl RgbFilm {
-    /// A film for pictures of lights in the given states; `exposure` only places the
-    /// fixed-point scale of the splats.
+    /// A film for one picture of each light, in the given states. `exposure`, the factor on
+    /// radiance before display, only places the fixed-point scale of the splats.
     #[must_use]
     pub fn new(region: Region, lights: &[LightState], exposure: f32) -> Self {
         let route = |(l, s): (usize, &LightState)| Route { picture: l, node: 0, size: s.size, gain: 1.0 };
@@ -78,7 +81,8 @@ impl RgbFilm {
         Self::with_routes(region, routes, whites)
     }
 
-    /// The mean over `n_samples` per pixel, with each light at its radiance.
+    /// The picture: means over `n_samples` samples per pixel, with the lights at these
+    /// radiances.
     #[must_use]
     pub fn develop(&self, radiance: &[f32], n_samples: u32) -> Picture {
         let n_lights = self.scales.len();
@@ -100,8 +104,8 @@ impl RgbFilm {
 }
 
 impl<const N: usize> RgbFilm<N> {
-    /// A film for a picture of each of `lightings`, which give the state of every light; the
-    /// k-th sees the background at its k-th node.
+    /// A film for one picture of each of `lightings`, which give the state of every light; the
+    /// k-th picture sees the background at the k-th node of its value.
     #[must_use]
     pub fn of_lightings(region: Region, lightings: &[Vec<LightState>], exposure: f32) -> Self {
         let n_lights = lightings.first().map_or(0, Vec::len);
@@ -115,8 +119,10 @@ impl<const N: usize> RgbFilm<N> {
         Self::with_routes(region, routes, lightings.iter().map(|_| f64::from(exposure)))
     }
 
-    /// `whites`: factor of each picture's values that brings them to the display's.
+    /// A film with these routes by light; `whites` are the factors that bring the values of
+    /// each picture to the display's range.
     fn with_routes(region: Region, routes: Vec<Vec<Route>>, whites: impl Iterator<Item = f64>) -> Self {
+        // Within 2^±60, so that extreme radiances make the scale neither 0 nor infinite.
         let scale =
             |white: f64| if white > 0.0 { white.log2().round().clamp(-60.0, 60.0).exp2() } else { 1.0 };
         let scales: Vec<f64> = whites.map(scale).collect();
@@ -131,7 +137,8 @@ impl<const N: usize> RgbFilm<N> {
         }
     }
 
-    /// Sum over the samples of a pixel, row by row, of a picture.
+    /// Sum over all samples of a pixel in a picture, splats included; pixels are counted row
+    /// by row.
     #[must_use]
     pub fn sum(&self, pixel: usize, picture: usize) -> [f64; 3] {
         let cell = pixel * self.scales.len() + picture;
@@ -175,7 +182,8 @@ impl<const N: usize> Film<N> for RgbFilm<N> {
 }
 
 impl<'a> RgbRow<'a> {
-    /// The routes of a contribution: none if it is emitted at no present size, or not a number.
+    /// The routes of a contribution into pictures in which its light is large enough to emit
+    /// it; none for a contribution that is not finite, which is counted.
     fn routes<const N: usize>(&self, c: &Contribution<N>) -> impl Iterator<Item = Route> + use<'a, N> {
         let (is_number, rho) = (c.value.is_radiance(), c.at.rho);
         if !is_number {

@@ -17,12 +17,12 @@ use crate::{
     math::{Frame, Rgb},
 };
 
-/// Points that stand for the disk of a spot. What a straight edge leaves of them
-/// differs from what it leaves of the disk by 0.14 % of the whole (root mean
-/// square), at most 0.74 %.
+/// Number of point-like spots that stand for the disk of a spot. The share of them that
+/// a straight edge hides differs from the share of the disk by 0.14 % of the whole
+/// (root mean square), at most 0.74 %.
 const N_SPOTS: u32 = 1024;
-/// Least cosine of a cone's edge: a projected picture cannot cover a half-space,
-/// and what leaves at more than 88 degrees is below 0.13 %.
+/// Smallest cosine of the edge of a cone (88 degrees). A projected picture cannot cover
+/// a half-space; of a diffuse emitter's power less than 0.13 % leaves beyond.
 const MIN_COS_CUTOFF: f32 = 0.035;
 
 /// Whether the light is exported as emitters that no ray can hit.
@@ -62,7 +62,8 @@ pub(super) fn check(lights: &[Light]) -> Result<(), ExportError> {
 }
 
 impl Writer<'_> {
-    /// A light that is no mesh; one that emits nothing and stops no ray is left out.
+    /// Adds a light other than an emissive mesh. A light that emits nothing and stops no
+    /// ray is left out.
     pub(super) fn light(&mut self, l: &LitLight) -> Result<(), ExportError> {
         let radiance = l.rgb();
         if !l.light.occludes && (l.size <= 0.0 || radiance == Rgb::ZERO) {
@@ -94,7 +95,8 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// A spot with a disk of radius `r` at unit size, as many without extent on it.
+    /// Adds a spot with a disk of radius `r` (metres at unit size) as [`N_SPOTS`] spots
+    /// without extent.
     fn spots(&mut self, l: &LitLight, p: &Planar, r: f32, cone: Cone) -> Result<(), ExportError> {
         let id = self.projected(l.light, cone, |cos| cos)?;
         let share = 1.0 / N_SPOTS as f32;
@@ -109,7 +111,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// A rectangle or a disk. Mitsuba's unit shapes lie in the xy plane and face +z.
+    /// Adds a rectangle or a disk. Mitsuba's unit shapes lie in the xy plane and face +z.
     fn planar(&mut self, l: &LitLight, p: &Planar, outline: Outline) {
         let (shape, a, b) = match outline {
             Outline::Rectangle { a, b } => ("rectangle", a, b),
@@ -126,8 +128,9 @@ impl Writer<'_> {
         });
     }
 
-    /// A shape that emits and lets all rays pass, or is black. `place` puts it a
-    /// distance before its place; `reach` is its centre or farther.
+    /// Adds a shape that emits and either lets all rays pass or is black. `place` gives the
+    /// position parameters of the shape moved forward by a distance (metres); `reach` bounds
+    /// the coordinates of the shape's centre.
     fn area(&mut self, l: &LitLight, shape: &str, reach: Vec3, place: impl Fn(f32) -> String) {
         let emitter =
             if l.rgb() == Rgb::ZERO { String::new() } else { area_emitter(&rgb("radiance", l.rgb())) };
@@ -149,7 +152,8 @@ impl Writer<'_> {
         }
     }
 
-    /// What the triangles of a material emit, and whether from both sides.
+    /// The emitter of a surface, XML, and whether it emits from both sides; `None` for a
+    /// surface that does not emit.
     pub(super) fn mesh_emitter(&mut self, s: &Surface) -> Result<Option<(String, bool)>, ExportError> {
         let materials = &self.job.scene.mesh.materials;
         let light = self.job.lights().find_map(|l| match &l.light.shape {
@@ -199,11 +203,11 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// The picture that a `spot` projects to emit `cone`'s profile times `factor`
-    /// of the cosine; returns its id.
+    /// Adds the texture that a `spot` projects to emit the profile of `cone` times
+    /// `factor` of the cosine, and returns the texture's id.
     ///
-    /// It covers the square about the cone on a plane across the axis, so texels
-    /// are even in the tangent of the angle.
+    /// The picture covers the square about the cone on a plane across the axis, so that
+    /// texels are evenly spaced in the tangent of the angle.
     fn projected(
         &mut self,
         l: &Light,
@@ -226,7 +230,7 @@ impl Writer<'_> {
         Ok(id)
     }
 
-    /// Name, without its ending, of the picture of a light. Names of lights that differ
+    /// File name, without its ending, for the picture of a light. Lights whose names differ
     /// only in unsafe characters get numbers.
     fn light_stem(&self, l: &Light) -> String {
         let plain = format!("light_{}", plain(&l.name));
@@ -239,6 +243,7 @@ impl Writer<'_> {
         stem
     }
 
+    /// Adds a spot without extent; `weight` is how often Mitsuba chooses it beside others.
     fn spot(&mut self, texture: &str, cone: Cone, place: String, intensity: Rgb, weight: f32) {
         let angle = cutoff(cone).0.acos().to_degrees();
         let body = [
@@ -257,10 +262,12 @@ fn area_emitter(radiance: &str) -> String {
     element("emitter", "area", radiance)
 }
 
-/// Texels a side of the picture of a cone's profile, whose edge has this tangent.
+/// Number of texels along a side of the picture of a cone's profile; `edge` is the tangent
+/// of the angle at which the cone ends.
 ///
-/// Bilinear interpolation errs by h²/8 |f''|: at most 6/8 (h/w)² on a smooth step of
-/// width w, and h²/8 on the cosine. 0.1 % of the peak is allowed.
+/// Bilinear interpolation between texels of size h errs by h²/8 |f''|: at most 6/8 (h/w)²
+/// on a smooth step of width w, and h²/8 on the cosine. 0.1 % of the peak is allowed, but
+/// no more than 2048² texels (16 MiB).
 fn profile_resolution(cone: Cone, edge: f32) -> usize {
     let cos_inner = cone.cos_inner.max(MIN_COS_CUTOFF);
     let width = edge - (1.0 - cos_inner * cos_inner).max(0.0).sqrt() / cos_inner;
@@ -268,8 +275,10 @@ fn profile_resolution(cone: Cone, edge: f32) -> usize {
     ((2.0 * edge / step) as usize).clamp(64, 2048).next_power_of_two()
 }
 
-/// The rows of a map and the means between them, as Mitsuba's bilinear picture
-/// has its first and last row at the poles and ours its rows half a row away.
+/// The rows of an environment map times `radiance`, with the means between them.
+///
+/// Mitsuba's bilinear picture has its first and last row at the poles, ours has them half
+/// a row away: with the means both interpolate alike.
 fn between_rows(map: &RadianceMap, radiance: Rgb) -> Vec<[f32; 3]> {
     let [width, height] = map.size();
     let row = |y: usize| &map.texels()[y * width..(y + 1) * width];
@@ -292,8 +301,8 @@ fn cutoff(cone: Cone) -> (f32, f32) {
     (cos, (1.0 - cos * cos).sqrt() / cos)
 }
 
-/// Points that share a disk's area evenly, as the florets of a sunflower do
-/// (H. Vogel, Math. Biosciences 44, 1979).
+/// [`N_SPOTS`] points that share the area of a disk evenly, as the florets of a sunflower
+/// do (H. Vogel, Math. Biosciences 44, 1979).
 fn disk_points(center: Vec3, frame: Frame, radius: f32) -> impl Iterator<Item = Vec3> {
     let golden = PI * (3.0 - 5.0_f32.sqrt());
     (0..N_SPOTS).map(move |i| {

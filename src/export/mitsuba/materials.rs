@@ -16,11 +16,12 @@ use crate::{
     },
 };
 
-/// Largest ratio of an image's widths on the triangles of a bump map that counts as
-/// even: one part in a thousand is what rounding makes of texture coordinates.
+/// Largest ratio of the widths of an image on the triangles of a surface that counts as
+/// even: texture coordinates of four digits are no more exact.
 const MAX_STRETCH: f32 = 1.001;
 
-/// [`compensation`] by the bits of IOR and slope: materials that are alike share it.
+/// Values of [`compensation`] that have been computed, by the bits of IOR and slope, for
+/// materials that share both.
 #[derive(Default)]
 pub(super) struct Compensations(HashMap<(u32, Option<u32>), f32>);
 
@@ -46,7 +47,7 @@ impl Writer<'_> {
         self.warnings.push(format!("material `{}`: {message}", material.name));
     }
 
-    /// What a material scatters, and lets pass.
+    /// The BSDF of a surface, with its opacity.
     pub(super) fn bsdf(&mut self, s: &Surface) -> Result<String, ExportError> {
         let scattered = if s.material.model() == Model::Dielectric {
             let glass = self.dielectric(s)?;
@@ -74,8 +75,9 @@ impl Writer<'_> {
         Ok(element("bsdf", "mask", &(opacity + &scattered)))
     }
 
-    /// `factor` times what its image says, through `f`: a number, or a texture whose file
-    /// is called by the first of the names. The second is the parameter's.
+    /// The parameter `name` with `factor` times the value of `map`, clamped to [0, 1] and
+    /// passed through `f`: a number without a map, else a texture in a file called by
+    /// `file`.
     fn number(
         &mut self,
         s: &Surface,
@@ -90,7 +92,7 @@ impl Writer<'_> {
         Ok(texture(name, &written, map.texture.transform()))
     }
 
-    /// The base colour times `scale` under a parameter's name; writes its texture.
+    /// The parameter `name` with the base colour times `scale`, a number or a texture.
     fn color(&mut self, s: &Surface, name: &str, scale: f32) -> Result<String, ExportError> {
         let tint = s.tint * scale;
         let mut clamped = false;
@@ -122,7 +124,7 @@ impl Writer<'_> {
         })
     }
 
-    /// The GGX slope; `None` is smooth.
+    /// The GGX slope as a number or a texture; `None` for a smooth surface.
     fn alpha(&mut self, s: &Surface) -> Result<Option<String>, ExportError> {
         let Some(map) = s.material.roughness_map() else {
             return Ok(s.material.alpha().map(|a| float("alpha", a)));
@@ -135,7 +137,8 @@ impl Writer<'_> {
         self.number(s, ["alpha"; 2], s.material.roughness(), Some(map), squared).map(Some)
     }
 
-    /// One side of what is not glass: (1 − m)·[(1 − w)·diffuse + w·plastic] + m·metal.
+    /// The BSDF of one side of an opaque surface:
+    /// (1 − m)·[(1 − w)·diffuse + w·plastic] + m·metal.
     fn opaque(&mut self, s: &Surface) -> Result<String, ExportError> {
         let (m, m_map) = (s.material.metallic(), s.material.metallic_map());
         if s.material.model() == Model::Conductor || (m >= 1.0 && m_map.is_none()) {
@@ -160,8 +163,8 @@ impl Writer<'_> {
         self.blend(s, "metallic", m, m_map, &both)
     }
 
-    /// A mixture of two BSDFs; the weight is the second's, and its texture's file is called
-    /// by `file`.
+    /// A mixture of two BSDFs. `weight` times `map` is the share of the second one, which an
+    /// image file called by `file` holds when there is a map.
     fn blend(
         &mut self,
         s: &Surface,
@@ -218,9 +221,10 @@ impl Writer<'_> {
         Ok(element("bsdf", "principled", &(color + &float("metallic", 1.0) + &roughness)))
     }
 
-    /// The front and the back of a surface whose normals are tilted, each around `inner`.
+    /// The BSDF `inner` with the tilted normals of the surface's relief, on the front and on
+    /// the back; `None` for a surface without relief.
     ///
-    /// `twosided` mirrors the back, we turn it over as a whole: there the tilt is
+    /// `twosided` mirrors the back, our renderer turns it over as a whole: there the tilt is
     /// the other way round.
     fn relief(&mut self, s: &Surface, inner: &str) -> Result<Option<[String; 2]>, ExportError> {
         match s.material.relief() {
@@ -275,12 +279,13 @@ impl Writer<'_> {
     }
 }
 
-/// Parameters with which Mitsuba tilts normals as we do.
+/// Parameters of `normalmap` and `bumpmap` with which Mitsuba tilts normals as we do.
 fn unbent() -> String {
     boolean("flip_invalid_normals", false) + &boolean("use_shadowing_function", false)
 }
 
-/// Factor on the albedo of a plastic of relative IOR `ior` and GGX slope `alpha`.
+/// Factor on the albedo of a plastic of relative IOR `ior` and GGX slope `alpha` with
+/// which Mitsuba's plastic reflects as much as ours.
 ///
 /// With `nonlinear` false the base is proportional to albedo/(1 − R), R being
 /// the diffuse reflectance 2 ∫ R(μ) μ dμ of the coat from inside. We integrate
@@ -289,10 +294,13 @@ fn unbent() -> String {
 /// from μ = 0 to 1 with both ends in full, 1 to 2 % off.
 #[must_use]
 pub fn compensation(ior: f32, alpha: Option<f32>) -> f32 {
+    // The number of nodes of Mitsuba's quadrature.
     const N_NODES: u32 = 64;
     let ggx = alpha.map(Ggx::new);
     let weighted = |mu: f64, i: u32| 2.0 * mu * f64::from(internal_reflectance(ior, ggx, mu as f32, i));
     let mean = |n: u32, f: &dyn Fn(u32) -> f64| (0..n).map(f).sum::<f64>() / f64::from(n);
+    // Measured against many more nodes for IOR from 1.3 to 1.8: rough within 3e-4, smooth
+    // within 2e-5; 0.13 s for a rough one.
     let n = if alpha.is_some() { 512 } else { 4096 };
     let exact = mean(n, &|i| weighted((f64::from(i) + 0.5) / f64::from(n), i));
     let theirs = if alpha.is_some() {
