@@ -2,6 +2,8 @@
 
 use std::fmt::{self, Write as _};
 
+use crate::files::csv_file;
+
 /// What stands in a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
@@ -138,26 +140,19 @@ impl Table {
     }
 
     /// Comma-separated: names spelt out in every row, numbers in full precision, nothing for a dash.
-    #[must_use]
-    pub fn csv(&self) -> String {
-        let quoted = |words: &str| {
-            if words.contains([',', '"', '\n']) {
-                format!("\"{}\"", words.replace('"', "\"\""))
-            } else {
-                words.to_owned()
-            }
+    ///
+    /// # Errors
+    /// When a row has more or fewer entries than the header.
+    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
+        let field = |entry: &Entry| match entry {
+            Entry::Text(words) => words.clone(),
+            Entry::Number(value, 0) => format!("{value:.0}"),
+            Entry::Number(value, _) => format!("{value:?}"),
+            Entry::Dash => String::new(),
         };
-        let mut text: String = self.header.iter().map(|h| quoted(h)).collect::<Vec<_>>().join(",") + "\n";
-        for row in &self.rows {
-            let entries = row.iter().map(|e| match e {
-                Entry::Text(words) => quoted(words),
-                Entry::Number(value, 0) => format!("{value:.0}"),
-                Entry::Number(value, _) => format!("{value:?}"),
-                Entry::Dash => String::new(),
-            });
-            text += &(entries.collect::<Vec<_>>().join(",") + "\n");
-        }
-        text
+        let header: Vec<String> = self.header.iter().map(|&h| h.to_owned()).collect();
+        let rows = self.rows.iter().map(|row| row.iter().map(field).collect());
+        csv_file::encode(std::iter::once(header).chain(rows))
     }
 
     /// A `table*` environment, made narrower if it were wider than the line; needs the packages
@@ -235,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_csv_is_complete_and_exact() {
-        let csv = table().csv();
+        let csv = String::from_utf8(table().csv().unwrap()).unwrap();
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines[0], "scene,what,f_q,none");
         assert_eq!(lines[1], "a,\"x_1, \"\"y\"\"\",0.123456,");

@@ -13,25 +13,26 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use thiserror::Error;
 
-/// A file could not be brought to its place.
+/// Why a file could not be brought to its place.
 #[derive(Debug, Error)]
 #[error("{path}: cannot {action}", path = .path.display())]
 pub struct AtomicWriteError {
-    /// The destination.
+    /// Path of the destination.
     pub path: PathBuf,
-    /// The step that failed.
+    /// Step that failed, as the end of "cannot …".
     pub action: &'static str,
-    /// Why.
+    /// Error of the file system.
     #[source]
     pub source: io::Error,
 }
 
-/// Distinguishes the temporary files of one process.
+/// Number of temporary files that this process has made, which tells their names apart.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
-/// Removes the temporary file unless it has become the destination; also when `write` panics.
+/// A temporary file that is removed when dropped, also by a panic of the writer.
 struct Temporary {
     path: PathBuf,
+    /// Whether the file still has its temporary name.
     armed: bool,
 }
 
@@ -47,7 +48,7 @@ impl Drop for Temporary {
 /// Writes `path` through `write`, whole or not at all; an existing file is replaced.
 ///
 /// # Errors
-/// What `write` returns, or the step that failed. The destination is then as before and
+/// The error that `write` returns, or the step that failed. The destination is then as before and
 /// no temporary file remains.
 pub fn write_atomically<T, E>(
     path: &Path,
@@ -91,7 +92,8 @@ where
     Ok(result)
 }
 
-/// The destination's name, when `name` is that of a temporary file.
+/// Name of the destination of the temporary file called `name`; `None` when `name` is not
+/// that of a temporary file.
 #[must_use]
 pub fn temporary_of(name: &str) -> Option<&str> {
     let (destination, id) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
@@ -100,10 +102,11 @@ pub fn temporary_of(name: &str) -> Option<&str> {
     (is_number(process) && is_number(count)).then_some(destination)
 }
 
-/// Finds out whether `path` can be written, before long work ends there.
+/// Checks whether a file can be written at `path`, before the long work whose result goes
+/// there. An existing file is left as it is.
 ///
 /// # Errors
-/// What would stop [`write_atomically`].
+/// When [`write_atomically`] would fail, with its error.
 pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
     if path.is_dir() {
         let source = io::Error::new(io::ErrorKind::IsADirectory, "it is a directory");
@@ -125,7 +128,7 @@ pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
     }
 }
 
-/// Makes the new name survive a power cut.
+/// Writes the entries of a directory to disk, so that a new name survives a power cut.
 #[cfg(unix)]
 fn sync_directory(directory: &Path) -> io::Result<()> {
     File::open(directory)?.sync_all()

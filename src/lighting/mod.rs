@@ -8,10 +8,7 @@ mod plan;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    light::Light,
-    scene::{Material, Scene},
-};
+use crate::scene::Scene;
 
 pub use plan::{SampleCounts, SamplingPlan};
 
@@ -45,25 +42,6 @@ impl Lighting {
     #[must_use]
     pub fn at_unit_radiance(&self) -> Self {
         Self { radiance: vec![1.0; self.radiance.len()], ..self.clone() }
-    }
-
-    /// The scene's lights with this lighting's radiances and sizes in the place of the author's.
-    #[must_use]
-    pub fn lights(&self, scene: &Scene) -> Vec<Light> {
-        let settings = self.radiance.iter().zip(&self.size);
-        let lit = |(light, (&l, &s)): (&Light, (&f64, &f64))| Light {
-            radiance: l as f32,
-            size: s as f32,
-            ..light.clone()
-        };
-        scene.lights.iter().zip(settings).map(lit).collect()
-    }
-
-    /// The scene's materials with the background's value multiplied into their base colours.
-    #[must_use]
-    pub fn materials(&self, scene: &Scene) -> Vec<Material> {
-        let scaled = |(i, m): (usize, &Material)| m.scaled(scene.value_of(i, self.value as f32));
-        scene.materials.iter().enumerate().map(scaled).collect()
     }
 
     /// Number of lights.

@@ -150,7 +150,11 @@ fn textures_are_the_right_way_up_in_all_ways_of_storing_them() {
     use base64::{Engine as _, engine::general_purpose::STANDARD};
     let data = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bin()));
     room.write("embedded.gltf", square_with(&[("/buffers", uri(&data))]).to_string());
-    for name in ["s.glb", "external.gltf", "embedded.gltf"] {
+    // Schemes are of any case; lines may be broken, and what follows a `#` is no data.
+    let (head, tail) = data.split_at(100);
+    let data = format!("{}\n {}#buffer", head.replace("data:", "DATA:"), tail.trim_end_matches('='));
+    room.write("loose.gltf", square_with(&[("/buffers", uri(&data))]).to_string());
+    for name in ["s.glb", "external.gltf", "embedded.gltf", "loose.gltf"] {
         let scene = builder::load(&room.path(name)).unwrap();
         let corners =
             [(-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)].map(|(x, y)| color_at(&scene, x, y));
@@ -479,6 +483,8 @@ fn what_cannot_be_read_is_refused_in_one_line_that_says_where() {
         ("/bufferViews/0/byteLength", json!(4000), "`bufferViews[0]`: 4000 bytes from 0 do not fit"),
         ("/buffers/0/byteLength", json!(4000), "`buffers[0]`: must hold 4000 bytes, its data has"),
         ("/buffers/0/uri", json!("no.bin"), "`buffers[0]`: cannot read "),
+        ("/buffers/0/uri", json!("data:;base64"), "`buffers[0]`: its data URI has no data"),
+        ("/buffers/0/uri", json!("data:;base64,A*"), "`buffers[0]`: its data URI is not base64: "),
         (
             "/buffers/0/uri",
             json!("https://a.b/c.bin"),

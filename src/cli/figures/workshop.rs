@@ -159,7 +159,7 @@ impl<'a> Workshop<'a> {
     }
 
     fn put_table(&mut self, name: &str, table: Table, notes: &[&str]) -> anyhow::Result<()> {
-        self.put(&format!("{name}.csv"), table.csv())?;
+        self.put(&format!("{name}.csv"), table.csv()?)?;
         self.put(&format!("{name}.tex"), table.latex(notes)?)?;
         self.blocks.push(Block::Table(table));
         if !notes.is_empty() {
@@ -304,7 +304,7 @@ impl<'a> Workshop<'a> {
              Seconds are in {TIMINGS}.",
             s.compared_size.x, s.compared_size.y, s.compared_spp, s.max_evaluations
         );
-        self.put("convergence.csv", convergence::table(&searches).csv())?;
+        self.put("convergence.csv", convergence::table(&searches).csv()?)?;
         self.put_figure("convergence", &convergence::plot(&searches)?, caption)
     }
 
@@ -316,7 +316,7 @@ impl<'a> Workshop<'a> {
                 rows: std::mem::take(&mut self.seconds),
                 grouped: 0,
             };
-            self.put(TIMINGS, table.csv())?;
+            self.put(TIMINGS, table.csv()?)?;
         }
         let s = self.runner.settings;
         let lead = format!(
