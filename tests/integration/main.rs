@@ -9,6 +9,7 @@ mod export;
 mod exr_bytes;
 mod figures;
 mod gltf;
+mod known_optimum;
 mod loader;
 mod photo;
 mod render;

@@ -5,6 +5,7 @@
 mod basis;
 mod basket;
 mod bsdf;
+mod gradient;
 mod light;
 mod mitsuba;
 mod noise;
