@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use super::stored::About;
 use crate::{
     files::{nearest, toml_file::TomlError},
-    lighting::Lighting,
+    lighting::{Lighting, MAX_RADIANCE},
     scene::Scene,
     transport::Layout,
 };
@@ -130,8 +130,9 @@ impl LightsFile {
                     .map_or_else(|| format!("; it has {}", known()), |n| format!("; did you mean `{n}`?"));
                 return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
             };
-            let ok = l.radiance >= 0.0 && l.radiance.is_finite();
-            require(ok, format!("lights.{}.radiance", l.name), ">= 0", l.radiance)?;
+            let allowed = format!(">= 0 and at most {MAX_RADIANCE:e}");
+            let ok = (0.0..=MAX_RADIANCE).contains(&l.radiance);
+            require(ok, format!("lights.{}.radiance", l.name), &allowed, l.radiance)?;
             x.radiance[i] = f64::from(l.radiance);
             let Some(size) = l.size else { continue };
             let (key, fixed) = (format!("lights.{}.size", l.name), scene.lights[i].size);
@@ -178,8 +179,8 @@ impl LightsFile {
                 let message = format!("the basis has no light `{}`; it has {known}", l.name);
                 return Err(fail("lights.name".into(), message));
             };
-            if !(l.radiance >= 0.0 && l.radiance.is_finite()) {
-                let message = format!("must be >= 0, got {}", l.radiance);
+            if !(0.0..=MAX_RADIANCE).contains(&l.radiance) {
+                let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", l.radiance);
                 return Err(fail(format!("lights.{}.radiance", l.name), message));
             }
             x.radiance[i] = f64::from(l.radiance);

@@ -23,7 +23,7 @@ pub mod picture;
 pub mod stored;
 
 use std::{
-    fs::{self, File, OpenOptions},
+    fs::{self, File, OpenOptions, TryLockError},
     io::{self, Write},
     path::{Path, PathBuf},
 };
@@ -52,6 +52,8 @@ pub enum AuditError {
     Exists { path: PathBuf },
     #[error("{path}: not empty and not a run directory; choose another --out", path = path.display())]
     NotARun { path: PathBuf },
+    #[error("{path}: another run is being recorded here; wait for it, or choose another --out", path = path.display())]
+    Busy { path: PathBuf },
     #[error("{path}: cannot {action}", path = path.display())]
     Io { path: PathBuf, action: &'static str, source: io::Error },
     #[error(transparent)]
@@ -70,6 +72,8 @@ pub struct RunDir {
     iterations: File,
     timing: File,
     n_iterations: usize,
+    /// Held as long as the run is recorded: another one is refused.
+    _lock: File,
 }
 
 impl RunDir {
@@ -105,6 +109,7 @@ impl RunDir {
         Self::check(path, force)?;
         let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
+        let lock = lock(path)?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
             let entry = entry.map_err(fail("read the directory"))?;
             let name = entry.file_name();
@@ -128,6 +133,7 @@ impl RunDir {
             timing: log("timing.jsonl")?,
             path: path.into(),
             n_iterations: 0,
+            _lock: lock,
         })
     }
 
@@ -175,6 +181,18 @@ impl RunDir {
         self.n_iterations += iterations.len();
         let path = self.path.join("iterations.jsonl");
         iterations.iter().try_for_each(|(line, _)| append(&mut self.iterations, &path, line))
+    }
+}
+
+/// Takes the lock of a run directory, which ends with the process: the directory itself is locked, so
+/// that nothing is left behind.
+fn lock(directory: &Path) -> Result<File, AuditError> {
+    let fail = |source| AuditError::Io { path: directory.into(), action: "lock the directory", source };
+    let file = File::open(directory).map_err(fail)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(AuditError::Busy { path: directory.into() }),
+        Err(TryLockError::Error(source)) => Err(fail(source)),
     }
 }
 
