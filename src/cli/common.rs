@@ -1,6 +1,6 @@
 //! Options that several subcommands share.
 
-use std::path::Path;
+use std::{io::Write as _, path::Path};
 
 use anyhow::{Context, bail};
 use clap::{
@@ -70,7 +70,12 @@ impl TransportArgs {
     }
 }
 
-/// Runs `f` on that many threads, by default one for each processor.
+/// Most threads for each processor: rows of pixels are the unit of work, and more threads than some
+/// a processor only wait for one another and take memory.
+const MAX_THREADS_PER_PROCESSOR: usize = 32;
+
+/// Runs `f` on that many threads, by default one for each processor; too many are cut to what makes
+/// sense, and that is said.
 ///
 /// # Errors
 /// Those of `f`, or when threads cannot be made.
@@ -78,8 +83,16 @@ pub fn in_pool<T: Send>(
     threads: Option<u16>,
     f: impl FnOnce() -> anyhow::Result<T> + Send,
 ) -> anyhow::Result<T> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let (wanted, most) = (threads.map_or(0, usize::from), MAX_THREADS_PER_PROCESSOR * processors);
+    if wanted > most {
+        let _ = writeln!(
+            std::io::stderr(),
+            "--threads {wanted}: using {most}, {MAX_THREADS_PER_PROCESSOR} a processor"
+        );
+    }
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.map_or(0, usize::from))
+        .num_threads(wanted.min(most))
         .build()
         .context("cannot start threads")?;
     pool.install(f)

@@ -12,7 +12,8 @@ use glam::UVec2;
 use super::{
     common::{TransportArgs, parse_size, parse_spp},
     print,
-    progress::{Console, catch_interrupts},
+    progress::Console,
+    signals,
 };
 use crate::figures::{Part, manifest, study::BASKET};
 use workshop::Workshop;
@@ -157,7 +158,7 @@ pub fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
         }
     }
     let console = Console::new();
-    catch_interrupts("ending after the present picture")?;
+    signals::catch("ending after the present picture")?;
     let done = args.transport.in_pool(|| {
         let mut workshop = Workshop::open(args, Settings::of(args), &parts, &console)?;
         workshop.make(&parts)

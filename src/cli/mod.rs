@@ -11,6 +11,7 @@ pub mod relight;
 pub mod render;
 pub mod run;
 pub mod scan;
+mod signals;
 pub mod stage;
 
 use std::io::{self, Write};
@@ -18,7 +19,7 @@ use std::io::{self, Write};
 use anyhow::Context;
 use clap::{Parser, Subcommand, ValueEnum};
 
-use crate::objective::LuminanceMode;
+use crate::{lighting::MAX_EXPOSURE, objective::LuminanceMode};
 
 /// Automatic, aesthetics-driven lighting design with global illumination.
 #[derive(Debug, Parser)]
@@ -61,6 +62,8 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
     }
 }
 
+pub use signals::{exit_code, received as interrupted};
+
 /// [`LuminanceMode`] as an option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LuminanceArg {
@@ -82,8 +85,10 @@ impl From<LuminanceArg> for LuminanceMode {
 /// Parses an exposure: a finite number above 0.
 fn parse_exposure(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("must be a number above 0".to_owned()),
+        Ok(value) if value > 0.0 && (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => {
+            Ok(value)
+        }
+        _ => Err(format!("must be a number above 0, from {:e} to {MAX_EXPOSURE:e}", 1.0 / MAX_EXPOSURE)),
     }
 }
 
@@ -109,7 +114,7 @@ mod tests {
     #[test]
     fn exposures_are_positive_numbers() {
         assert_eq!(parse_exposure("0.5"), Ok(0.5));
-        for bad in ["0", "-1", "nan", "inf", "x", ""] {
+        for bad in ["0", "-1", "nan", "inf", "x", "", "1e40", "1e-40"] {
             assert!(parse_exposure(bad).is_err(), "{bad}");
         }
     }

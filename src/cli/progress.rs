@@ -5,33 +5,18 @@ use std::{
     io::{IsTerminal, Write},
     sync::{
         Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        atomic::{AtomicU64, Ordering},
     },
     time::{Duration, Instant},
 };
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::signals;
 use crate::{
     design::{Progress, Reporter},
     integrator::Observer,
 };
-
-/// Set by the first Ctrl-C.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Makes Ctrl-C end the work in order, as `what` says; the second one ends the program.
-///
-/// # Errors
-/// When the handler cannot be installed.
-pub fn catch_interrupts(what: &'static str) -> Result<(), ctrlc::Error> {
-    ctrlc::set_handler(move || {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        let _ = writeln!(std::io::stderr(), "\ninterrupted: {what} (again to quit at once)");
-    })
-}
 
 /// Shows progress.
 pub struct Console {
@@ -120,7 +105,7 @@ impl Observer for Console {
     }
 
     fn cancelled(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
+        signals::received()
     }
 }
 

@@ -10,7 +10,8 @@ use serde_json::json;
 use super::{
     common::{TransportArgs, lighting, load_scene, parse_size, parse_spp},
     parse_exposure,
-    progress::{Console, catch_interrupts},
+    progress::Console,
+    signals,
 };
 use crate::{
     audit::picture,
@@ -85,7 +86,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     }
     probe(&output)?;
     let console = Console::new();
-    catch_interrupts("stopping")?;
+    signals::catch("stopping")?;
     let result = args.transport.in_pool(|| {
         let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
         let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;

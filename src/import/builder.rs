@@ -21,6 +21,7 @@ use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
     embree::MAX_COORDINATE,
     files::nearest,
+    lighting::MAX_EXPOSURE,
     math::Rgb,
     scene::{
         Mesh, Scene,
@@ -204,6 +205,11 @@ impl Builder<'_> {
         let scene = Scene::new(&name, mesh, materials, lights, camera)
             .map_err(|source| ImportError::Embree { path: self.scene_path.to_path_buf(), source })?;
         let exposure = self.positive("exposure", sidecar.exposure)?;
+        if !(1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&exposure) {
+            let message =
+                format!("must be from {:e} to {MAX_EXPOSURE:e}, got {exposure:e}", 1.0 / MAX_EXPOSURE);
+            return Err(self.error("exposure", message));
+        }
         let wishes = Wishes {
             free: sidecar.free.clone(),
             lights: light_wishes,

@@ -12,6 +12,12 @@ use crate::scene::Scene;
 
 pub use plan::{SampleCounts, SamplingPlan};
 
+/// Largest exposure, and inverse of the least: what lies beyond leaves no f32 to compute with.
+pub const MAX_EXPOSURE: f32 = 1e12;
+/// Largest radiance of a light, in the light's own unit; that of the sun's disc is 2e7. Films sum in
+/// units of display white, which at larger radiances leave the range of f32.
+pub const MAX_RADIANCE: f32 = 1e15;
+
 /// What varies between pictures of a scene. Lights are in the scene's order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lighting {

@@ -20,6 +20,7 @@ use crate::{
         Cone, Distant, EmissionProfile, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar,
         Point, RadianceMap, Shape, Sphere, Surroundings, look_frame,
     },
+    lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
     scene::{Material, Mesh, interaction},
     variables::LightWishes,
@@ -204,8 +205,9 @@ impl Builder<'_> {
         }
         let size = self.positive(&key("size"), l.size.unwrap_or(1.0))?;
         let radiance = l.radiance.unwrap_or_else(|| own.map_or(1.0, luminance));
-        if !(radiance >= 0.0 && radiance.is_finite()) {
-            return Err(self.error(key("radiance"), format!("must be >= 0, got {radiance}")));
+        if !(0.0..=MAX_RADIANCE).contains(&radiance) {
+            let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {radiance}");
+            return Err(self.error(key("radiance"), message));
         }
         Ok(Light {
             name: l.name.clone(),
