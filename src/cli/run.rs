@@ -15,7 +15,8 @@ use super::{
     LuminanceArg,
     common::{TransportArgs, free_kinds, lighting, load_scene, luminance_mode, parse_size, parse_spp},
     parse_exposure, print,
-    progress::{Console, catch_interrupts},
+    progress::Console,
+    signals,
 };
 use crate::{
     audit::{STAGING, write_whole},
@@ -48,8 +49,9 @@ use crate::{
     lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
     per iteration, run.toml with all options, and logs of every evaluation.\n\
-    Ctrl-C ends the optimisation and renders the best lights so far; twice quits.\n\
-    Exit status: 0 done, 1 failed, 2 wrong usage.")]
+    Ctrl-C, SIGTERM or SIGHUP ends the run within seconds and keeps what is found: lights.toml, the\n\
+    record, and the final picture as far as it is; twice quits at once.\n\
+    Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
@@ -114,7 +116,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 
-    /// Seconds after which no more samples are added for targets that are found together
+    /// Seconds that the run may take once the scene is loaded, search, checks and pictures together; one
+    /// pass of each is made in any case, and what the result then lacks is said
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub time_limit: Option<Duration>,
 
@@ -195,7 +198,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     }
     let scene_path = import::find(&args.scene)?;
     let console = Console::new();
-    catch_interrupts("finishing with the best so far")?;
+    signals::catch("keeping what is found so far")?;
     let done = args.transport.in_pool(|| {
         let Loaded { scene, wishes, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
         let authored = lighting(&scene, None, args.exposure)?;
@@ -292,7 +295,7 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
         "f_q_error": r.check.error_bar(),
-        "f_q_final": r.last.f_q,
+        "f_q_final": r.last.as_ref().map(|last| last.f_q),
         "terms": r.check.evaluation.terms_json(),
         "x": r.variables.named(&r.x),
         "renders": r.renders,
@@ -311,11 +314,14 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     let _ = writeln!(text, "target {}", target.name());
     let _ = writeln!(
         text,
-        "f_q {:.4} at the start, {:.4} ± {:.4} found; {:.4} in the final picture",
+        "f_q {:.4} at the start, {:.4} ± {:.4} found; {}",
         r.initial.evaluation.f_q,
         r.check.evaluation.f_q,
         r.check.error_bar(),
-        r.last.f_q
+        r.last.as_ref().map_or_else(
+            || "no final picture".to_owned(),
+            |last| format!("{:.4} in the final picture", last.f_q)
+        )
     );
     let _ = writeln!(
         text,
@@ -345,6 +351,7 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
     }
-    let _ = writeln!(text, "\n{}", out.join("final.png").display());
+    let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
+    let _ = writeln!(text, "\n{}", out.join(file).display());
     text
 }

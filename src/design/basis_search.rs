@@ -19,7 +19,9 @@ use super::{
     setup::{Setup, Task},
     working_basis::{Focus, REPLICATES, WorkingBasis},
 };
-use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
+use crate::{
+    integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate, optim::StopReason,
+};
 
 /// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
 /// of all that lie around it. They are as many at least as can be trusted, and become a power of
@@ -44,10 +46,8 @@ pub fn optimise(
     let spent = Spent::default();
     let mut search =
         BasisSearch { setup, reporter, basis, focused: None, open, found, spent, disagree: false, renders };
-    let begin = Instant::now();
     while !search.open.is_empty() {
-        let is_late = setup.options.time_limit.is_some_and(|t| begin.elapsed() >= t);
-        let may_go_on = !reporter.cancelled() && !is_late;
+        let may_go_on = !setup.search_is_over(reporter);
         match search.next_step(may_go_on) {
             Step::Check => search.check(may_go_on)?,
             step => search.take(step)?,
@@ -125,7 +125,7 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
         }
         let clock = Instant::now();
         let now = self.focused.as_ref().unwrap_or(self.basis);
-        let cancelled = || reporter.cancelled();
+        let cancelled = || setup.search_is_over(reporter);
         self.open.par_iter_mut().try_for_each(|look| look.advance(step, now, setup, &cancelled))?;
         self.open.iter_mut().try_for_each(|look| look.log_time("refine", clock))
     }
@@ -137,7 +137,11 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
         let clock = Instant::now();
         let open = std::mem::take(&mut self.open);
         let now = self.focused.as_ref().unwrap_or(self.basis);
-        let checks = check_all(&open, now, setup, self.spent.rounds, self.renders, reporter)?;
+        let checks = match reporter.cancelled() {
+            // Whoever interrupts does not wait for a render: what the basis expects is reported.
+            true => open.iter().map(|look| look.best.estimate.clone()).collect(),
+            false => check_all(&open, now, setup, self.spent.rounds, self.renders, reporter)?,
+        };
         let mut agreed = Vec::new();
         for (mut look, measured) in open.into_iter().zip(checks) {
             look.log_time("check", clock)?;
@@ -157,10 +161,13 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
                 self.open.push(look);
             }
         }
-        let is_interrupted = reporter.cancelled();
+        let cut_short = match reporter.cancelled() {
+            true => Some(StopReason::Interrupted),
+            false => (!may_go_on).then_some(StopReason::TimeLimit),
+        };
         let finished = agreed
             .into_par_iter()
-            .map(|(look, measured)| look.finish(measured, now, setup, is_interrupted))
+            .map(|(look, measured)| look.finish(measured, now, setup, cut_short))
             .collect::<Result<Vec<_>, _>>()?;
         finished.into_iter().for_each(|(index, f)| self.found[index] = Some(f));
         self.disagree = !self.open.is_empty();
@@ -179,7 +186,7 @@ fn begin_searches<'t, 'a>(
     reporter: &impl Reporter,
 ) -> Result<Vec<LookSearch<'t, 'a>>, RunError> {
     let clock = Instant::now();
-    let cancelled = || reporter.cancelled();
+    let cancelled = || setup.search_is_over(reporter);
     let seed = basis.seed() as u32;
     let found = tasks
         .par_iter()

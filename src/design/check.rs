@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::{
     Reporter, RunError,
+    deadline::Deadline,
     observer::Unstoppable,
     precision::{MAX_SAMPLES, Precision},
     run::MAX_TOGETHER,
@@ -18,6 +19,9 @@ use crate::{
     math::display::luminance,
     objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
 };
+
+/// Samples of each replicate that are taken before a check asks whether it must end.
+const PASS: u32 = 4;
 
 /// What a check measured.
 pub struct Checks {
@@ -69,18 +73,24 @@ fn check_nodes<const N: usize>(
 
     let film = || RgbFilm::<N>::by_lighting(setup.camera.size(), &lightings);
     let mut films: Vec<RgbFilm<N>> = (0..REPLICATES).map(|_| film()).collect();
-    let rows = u64::from(setup.options.work_size.y) * REPLICATES as u64;
+    let is_over = || reporter.cancelled() || setup.deadline.has_passed(Deadline::CHECK);
     let (mut first, mut renders) = (0, 0);
     loop {
+        let wanted = first + spp.div_ceil(REPLICATES as u32).max(1);
+        let passes = u64::from((wanted - first).div_ceil(PASS)) * REPLICATES as u64;
+        let rows = passes * u64::from(setup.options.work_size.y);
         reporter.stage("checking the result with new samples", Some(rows));
-        let count = spp.div_ceil(REPLICATES as u32).max(1);
-        let samples = Samples { sampler: renderer.sampler, seed, first, count };
-        for (r, film) in films.iter_mut().enumerate() {
-            let replicate = [samples.replicate(r as u64)];
-            let observer = Unstoppable(reporter);
-            renderer.integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
+        while first < wanted && !(first > 0 && is_over()) {
+            let count = PASS.min(wanted - first);
+            let samples = Samples { sampler: renderer.sampler, seed, first, count };
+            for (r, film) in films.iter_mut().enumerate() {
+                let replicate = [samples.replicate(r as u64)];
+                let observer = Unstoppable(reporter);
+                let integrator = renderer.integrator;
+                integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
+            }
+            first += count;
         }
-        first += count;
         renders += 1;
         let measured = order.par_iter().enumerate().map(|(node, &i)| {
             Ok((i, measure(&films, node, first, objectives[i], setup, &foci[i].lighting)?))
@@ -92,7 +102,7 @@ fn check_nodes<const N: usize>(
         let precision = Precision::reported(setup.options.tolerance);
         let wanted = estimates.iter().filter(|e| !precision.is_met(e)).map(|e| precision.more(now, e)).max();
         match wanted {
-            Some(wanted) if now < MAX_SAMPLES && !reporter.cancelled() => spp = wanted,
+            Some(wanted) if now < MAX_SAMPLES && !is_over() => spp = wanted,
             _ => return Ok(Checks { estimates, renders }),
         }
     }

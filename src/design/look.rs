@@ -161,13 +161,14 @@ impl LookSearch<'_, '_> {
         Ok(())
     }
 
-    /// Writes the record, and tells what the lights can reach.
+    /// Writes the record, and tells what the lights can reach. `cut_short` says what ended the search
+    /// before it was done.
     pub fn finish(
         mut self,
         check: JackknifeEstimate,
         now: &WorkingBasis,
         setup: Setup,
-        is_interrupted: bool,
+        cut_short: Option<StopReason>,
     ) -> Result<(usize, Found), RunError> {
         let clock = Instant::now();
         record(now, &self.best, setup, self.task)?;
@@ -177,8 +178,7 @@ impl LookSearch<'_, '_> {
         let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
         self.log_time("attainability", clock)?;
         let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
-        let stop = if is_interrupted { StopReason::Interrupted } else { stop };
-        Ok((index, Found { u, check, evaluations, stop, reach }))
+        Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach }))
     }
 }
 

@@ -68,7 +68,8 @@ pub struct RunOptions {
     pub global: bool,
     /// Error of f_q (95 %) at which no more samples are added.
     pub tolerance: f64,
-    /// Time after which no more samples are added for targets that are optimised together.
+    /// Time that the whole run may take from when its scene is loaded: search, checks and pictures;
+    /// one pass of each is made in any case.
     pub time_limit: Option<Duration>,
     /// Where bases are kept for later runs.
     pub cache: Option<PathBuf>,
@@ -106,8 +107,8 @@ pub struct RunReport {
     pub initial: JackknifeEstimate,
     /// f_q of the lights found, from the check render.
     pub check: JackknifeEstimate,
-    /// f_q and terms of the final picture.
-    pub last: Evaluation,
+    /// f_q and terms of the final picture; `None` where an interrupt left no time for one.
+    pub last: Option<Evaluation>,
     /// The variables.
     pub variables: ParamVector,
     /// Their values.

@@ -1,5 +1,7 @@
 //! A picture measured: replicates, their mean, and f_q with its error.
 
+use std::time::{Duration, Instant};
+
 use crate::{
     film::{Picture, RgbFilm},
     integrator::{Integrator, Observer, RenderError, Samples, View},
@@ -91,6 +93,69 @@ impl Renderer {
             exposure: lighting.exposure,
             luminance: self.luminance,
         })
+    }
+}
+
+/// Time that a pass of a picture should take: an interrupt waits for no more.
+const PASS: Duration = Duration::from_millis(700);
+
+/// A picture that was rendered in passes.
+#[derive(Debug)]
+pub struct PassedPicture {
+    /// The picture so far.
+    pub picture: Picture,
+    /// Samples per pixel that it has.
+    pub spp: u32,
+}
+
+impl Renderer {
+    /// Renders the picture of a lighting in passes, of `budget.spp` samples per pixel in all or, once
+    /// `is_over` says so between two passes, of those so far. The passes do not change the picture:
+    /// its samples are added in the same order. The observer may cancel the first pass only, after
+    /// which there is a picture.
+    ///
+    /// # Errors
+    /// As [`Integrator::render`].
+    pub fn render_in_passes(
+        &self,
+        view: View,
+        lighting: &Lighting,
+        plan: &SamplingPlan,
+        budget: Budget,
+        is_over: &dyn Fn() -> bool,
+        observer: &impl Observer,
+    ) -> Result<PassedPicture, RenderError> {
+        let mut film = RgbFilm::by_light(view.camera.size(), lighting);
+        let all = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count: budget.spp.max(1) };
+        let (mut spp, mut count) = (0, 1);
+        while spp < all.count && !(spp > 0 && is_over()) {
+            let clock = Instant::now();
+            let samples = Samples { first: spp, count: count.min(all.count - spp), ..all.replicate(0) };
+            let each = EachSample { observer, count: u64::from(samples.count), may_stop: spp == 0 };
+            self.integrator.render(view, lighting, plan, &mut film, samples, &each)?;
+            spp += samples.count;
+            let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);
+            count = (PASS.as_secs_f64() / per_sample.max(1e-9)).clamp(1.0, 1e6) as u32;
+        }
+        Ok(PassedPicture { picture: film.develop(lighting, spp), spp })
+    }
+}
+
+/// Counts a row once a sample.
+struct EachSample<'a, O> {
+    observer: &'a O,
+    /// Samples per pixel of the pass.
+    count: u64,
+    /// Whether the observer may cancel the pass.
+    may_stop: bool,
+}
+
+impl<O: Observer> Observer for EachSample<'_, O> {
+    fn advance(&self, rows: u64) {
+        self.observer.advance(rows * self.count);
+    }
+    fn cancelled(&self) -> bool {
+        self.may_stop && self.observer.cancelled()
     }
 }
 

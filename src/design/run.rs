@@ -6,17 +6,22 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search, differences,
+    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search,
+    deadline::Deadline,
+    differences,
     look::Found,
     manifest, pictures,
+    precision::Precision,
     setup::{Setup, Stage, Task},
     working_basis::{BasisPlan, REDUCTION, WorkingBasis},
 };
 use crate::{
-    audit::RunDir,
+    audit::{AuditError, RunDir},
+    files::atomic::{probe, sweep},
     integrator::{View, aov},
     light::SizeDensity,
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
+    scene::Scene,
     variables::{Fitted, Survey},
 };
 
@@ -34,8 +39,8 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    check_outputs(options)?;
     let Subject { scene, wishes, .. } = subject;
+    check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
     let aovs = aov::trace(view, 1.0);
@@ -50,7 +55,8 @@ pub fn run(
         rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, wishes));
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
-    let stage = Stage { scene, camera: &camera, fitted: &fitted, wishes, aovs: &aovs, options };
+    let deadline = Deadline::new(start, options.time_limit);
+    let stage = Stage { scene, camera: &camera, fitted: &fitted, wishes, aovs: &aovs, options, deadline };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {
@@ -82,12 +88,14 @@ pub fn run(
 }
 
 /// Proves that the run may be recorded where it is asked to.
-fn check_outputs(options: &RunOptions) -> Result<(), RunError> {
+fn check_outputs(options: &RunOptions, scene: &Scene) -> Result<(), RunError> {
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
     }
     if let Some(path) = &options.cache {
         std::fs::create_dir_all(path).map_err(|source| RunError::Cache { path: path.clone(), source })?;
+        sweep(path, |name| name.ends_with(".basis"));
+        probe(&path.join(BasisPlan::any_file_name(scene))).map_err(AuditError::from)?;
     }
     Ok(())
 }
@@ -156,6 +164,10 @@ fn find_together(
             .collect::<Result<_, _>>()?,
     };
     let seconds = clock.elapsed().as_secs_f64();
+    // Everything found is on disk before any picture is begun.
+    for (task, found) in tasks.iter().zip(&found) {
+        pictures::write_lights(task, &found.u, setup)?;
+    }
     for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
         finish(task, found, initial, seconds, setup, reports, reporter)?;
     }
@@ -190,17 +202,21 @@ fn finish(
     let Found { u, check, evaluations, stop, reach } = found;
     let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
     reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
-    let caution = attainable::degenerate(&check.evaluation, setup.variables, &x);
-    caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+    let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
+    degenerate.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
     task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
-    let last = pictures::take(&task, &u, setup, reporter)?;
+    let looks_left = setup.options.jobs.len() - reports.done.len();
+    let last = pictures::take(&task, &u, setup, 1.0 / looks_left as f64, reporter)?;
+    let lacking = lacking(&check, last.as_ref(), setup);
+    lacking.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+    let caution = degenerate.into_iter().chain(lacking).reduce(|all, line| format!("{all}; {line}"));
     reports.renders += 2;
     let seconds = reports.start.elapsed().as_secs_f64();
     task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
     reports.done.push(RunReport {
         initial,
         check,
-        last,
+        last: last.map(|last| last.evaluation),
         variables: setup.variables.clone(),
         x,
         renders: reports.renders,
@@ -211,4 +227,20 @@ fn finish(
         seconds,
     });
     Ok(())
+}
+
+/// What a result that had to be ready in time lacks of what was asked for.
+fn lacking(check: &JackknifeEstimate, last: Option<&pictures::Last>, setup: Setup) -> Option<String> {
+    let options = setup.options;
+    let limit = options.time_limit?;
+    let mut lacks = Vec::new();
+    let (error, asked) = (check.error_bar(), options.tolerance);
+    if !Precision::reported(asked).is_met(check) {
+        lacks.push(format!("f_q is known to {error:.4} only, {asked} was asked for"));
+    }
+    if let Some(last) = last.filter(|last| last.spp < options.final_spp) {
+        lacks.push(format!("the picture has {} of {} samples a pixel", last.spp, options.final_spp));
+    }
+    let seconds = limit.as_secs_f64();
+    (!lacks.is_empty()).then(|| format!("the time limit of {seconds} s was too short: {}", lacks.join(", ")))
 }

@@ -1,6 +1,6 @@
 //! What all looks of a run have in common, and what each has of its own.
 
-use super::{Job, RunOptions, render::Renderer};
+use super::{Job, Reporter, RunOptions, deadline::Deadline, render::Renderer};
 use crate::{
     audit::RunDir,
     camera::Camera,
@@ -30,9 +30,16 @@ pub(super) struct Stage<'a> {
     pub aovs: &'a Aovs,
     /// What the run is asked to do.
     pub options: &'a RunOptions,
+    /// How long it may take.
+    pub deadline: Deadline,
 }
 
 impl<'a> Stage<'a> {
+    /// Whether the search for lights must end: by an interrupt, or because the time for it is over.
+    pub fn search_is_over(&self, reporter: &impl Reporter) -> bool {
+        reporter.cancelled() || self.deadline.has_passed(Deadline::SEARCH)
+    }
+
     /// The scene at the working size.
     pub fn view(&self) -> View<'a> {
         View { scene: self.scene, camera: self.camera }

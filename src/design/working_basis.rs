@@ -18,6 +18,7 @@ use crate::{
     lighting::{Lighting, SamplingPlan},
     math::hash::{hash_bytes, hash_words},
     objective::Objective,
+    scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
     variables::{BasisRanges, VariableKind},
 };
@@ -231,6 +232,11 @@ impl BasisPlan {
         plan
     }
 
+    /// A file name as long as that of any basis of a scene.
+    pub fn any_file_name(scene: &Scene) -> String {
+        format!("{}-{:016x}.basis", scene.name, 0)
+    }
+
     /// Name of the file that keeps a basis: different where anything differs that its tables depend on.
     fn file_name(&self, stage: &Stage, layout: &Layout, seed: u64) -> String {
         let (renderer, plan) = (stage.renderer(), self.sampling(stage, None));
@@ -339,11 +345,11 @@ impl WorkingBasis {
             seed: self.seed,
         };
         while left > 0 {
-            if reporter.cancelled() {
-                if self.basis.n_samples() == 0 {
-                    return Err(RenderError::Cancelled.into());
-                }
+            if stage.search_is_over(reporter) && self.basis.n_samples() > 0 {
                 break;
+            }
+            if reporter.cancelled() {
+                return Err(RenderError::Cancelled.into());
             }
             let count = left.min(self.plan.batch);
             self.basis.render(source, count, &Unstoppable(reporter))?;

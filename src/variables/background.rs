@@ -48,7 +48,8 @@ impl Kind for Background {
     }
 
     fn open(&self, fitted: &Fitted, _wishes: &Wishes, ranges: &mut BasisRanges) {
-        ranges.largest_value = fitted.value_range.map(|[_, largest]| largest);
+        let varies = fitted.value_range.filter(|[least, largest]| least < largest);
+        ranges.largest_value = varies.map(|[_, largest]| largest);
     }
 
     fn matched_start(&self, v: &Variable, start: &MatchedStart) -> f64 {

@@ -49,7 +49,7 @@ impl Kind for Size {
 
     fn open(&self, fitted: &Fitted, wishes: &Wishes, ranges: &mut BasisRanges) {
         for ((range, &fitted), light) in ranges.sizes.iter_mut().zip(&fitted.sizes).zip(&wishes.lights) {
-            *range = fitted.filter(|_| light.free.contains(Self::KEYWORD));
+            *range = fitted.filter(|[least, most]| least < most && light.free.contains(Self::KEYWORD));
         }
     }
 

@@ -93,7 +93,10 @@ impl Fitted {
         let found: Vec<SizeBounds> =
             scene.lights.par_iter().map(|light| bounds::size_range(view, light)).collect();
         let value_range = value_range(scene, wishes.value_range);
-        let value = value_range.map_or(1.0, |[_, largest]| 1.0_f32.min(largest));
+        let value = value_range.map_or(1.0, |[least, largest]| match least < largest {
+            true => 1.0_f32.min(largest),
+            false => largest,
+        });
         let mut fitted = Self {
             lighting: Lighting { value: f64::from(value), ..authored.clone() },
             sizes: Vec::new(),
@@ -250,7 +253,9 @@ impl<'a> Survey<'a> {
 
     /// The variable of a kind that a light has, or the scene.
     fn variable(&self, kind: VariableKind, light: usize) -> Option<Variable> {
-        let Range { unit, lower, upper, initial, scale } = kind.range(self, light)?;
+        // Where both bounds are the same nothing is free.
+        let range = kind.range(self, light).filter(|range| range.lower < range.upper)?;
+        let Range { unit, lower, upper, initial, scale } = range;
         let name = kind.variable_name(&self.scene.lights[light].name);
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
     }

@@ -129,7 +129,10 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
                 for (i, g) in gradient.iter().enumerate() {
                     let expected = difference(&f, u, i);
                     println!("{look} delta {delta} {}: {g:.6e} {expected:.6e}", variables.variables[i].name);
-                    assert!((g - expected).abs() < 1e-5 * longest, "{look} {delta} {u:?} {i}: {g} {expected}");
+                    assert!(
+                        (g - expected).abs() < 1e-5 * longest,
+                        "{look} {delta} {u:?} {i}: {g} {expected}"
+                    );
                 }
             }
         }

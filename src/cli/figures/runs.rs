@@ -145,7 +145,7 @@ impl Runner<'_> {
                 f_q_initial: report.initial.evaluation.f_q,
                 found: report.check.evaluation.clone(),
                 error: report.check.error_bar(),
-                f_q_final: report.last.f_q,
+                f_q_final: report.last.as_ref().map_or(f64::NAN, |last| last.f_q),
                 reach: reach(report),
                 caution: report.caution.clone(),
                 initial: picture(&job.out.join("initial.png"))?,
