@@ -12,6 +12,7 @@ mod gltf;
 mod known_optimum;
 mod loader;
 mod photo;
+mod reliability;
 mod render;
 mod room;
 mod run;
