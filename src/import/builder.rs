@@ -4,11 +4,7 @@ mod lights;
 mod place;
 mod select;
 
-use std::{
-    fs,
-    io::ErrorKind,
-    path::Path,
-};
+use std::{fs, io::ErrorKind, path::Path};
 
 use glam::{UVec2, Vec3};
 
