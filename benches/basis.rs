@@ -7,17 +7,18 @@ use glam::{UVec2, Vec3};
 use lightopt_embree::{
     camera::Camera,
     design::evaluator::{Evaluator, Scratch},
-    integrator::{Integrator, aov},
+    integrator::{Integrator, View, aov},
     light::{Light, Shape, SizeDensity, Sphere},
+    lighting::{Lighting, SamplingPlan},
     math::Rgb,
     objective::{LuminanceMode, Objective, Smoothing, Target},
-    params::{ParamVector, Scale, Variable, VariableKind},
     sampler::SamplerKind,
     scene::{
         Material, Mesh, Scene,
         material::{Coats, MaterialParams},
     },
-    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    variables::{ParamVector, Scale, Variable, VariableKind},
 };
 
 const SIZES: [f32; 2] = [0.05, 1.0];
@@ -51,7 +52,6 @@ fn scene(n: usize) -> Scene {
                 color: Rgb::ONE,
                 radiance: 1.0,
                 size: 1.0,
-                size_density: SizeDensity::any_size(SIZES),
                 camera_visible: true,
                 occludes: false,
             }
@@ -61,36 +61,29 @@ fn scene(n: usize) -> Scene {
     let camera = Camera::new(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, Vec3::Y, 40.0, size).expect("looks ahead");
     let mut scene = Scene::new("card", mesh, materials, lights, camera).expect("is sound");
     scene.is_main = vec![false, false, true, true];
-    scene.set_background(vec![0]);
-    scene.set_background_value(1.0, 1.0);
-    scene
+    scene.with_background(vec![0])
 }
 
 fn variables(n: usize) -> ParamVector {
-    let variable = |name: String, lower: f64, upper: f64, scale: Scale, kind: VariableKind| Variable {
-        name,
+    let variable = |keyword: &str, light: usize, [lower, upper]: [f64; 2], scale: Scale| Variable {
+        name: format!("{light}.{keyword}"),
         unit: "",
         lower,
         upper,
         initial: 0.5 * upper,
         scale,
-        kind,
+        kind: VariableKind::named(keyword).expect("is a kind"),
+        light,
     };
     let mut variables: Vec<Variable> = (0..n)
         .flat_map(|l| {
             [
-                variable(format!("{l}.radiance"), 0.0, 50.0, Scale::Perceptual, VariableKind::Radiance(l)),
-                variable(
-                    format!("{l}.size"),
-                    f64::from(SIZES[0]),
-                    f64::from(SIZES[1]),
-                    Scale::Logarithmic,
-                    VariableKind::Size(l),
-                ),
+                variable("radiance", l, [0.0, 50.0], Scale::Perceptual),
+                variable("size", l, SIZES.map(f64::from), Scale::Logarithmic),
             ]
         })
         .collect();
-    variables.push(variable("value".into(), 0.05, 1.0, Scale::Perceptual, VariableKind::Background));
+    variables.push(variable("background", 0, [0.05, 1.0], Scale::Perceptual));
     ParamVector { variables }
 }
 
@@ -109,7 +102,12 @@ fn benchmark(c: &mut Criterion) {
     group.sample_size(10);
     for n in [3, 12, 48] {
         let scene = scene(n);
-        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 0 };
+        let view = View { scene: &scene, camera: &scene.camera };
+        let fixed = Lighting::authored(&scene);
+        let plan =
+            SamplingPlan { sizes: vec![SizeDensity::any_size(SIZES); n], ..SamplingPlan::uniform(&fixed) };
+        let sampler = SamplerKind::Sobol;
+        let source = Source { view, plan: &plan, integrator: &integrator, sampler, seed: 0 };
         let mut basis = TransportBasis::new(layout(n), 4);
         let memory = basis.layout().table_memory(4);
         println!("{n} lights: {} MiB", memory >> 20);
@@ -117,11 +115,10 @@ fn benchmark(c: &mut Criterion) {
             b.iter(|| basis.render(source, 4, &()).expect("is sound"));
         });
         let halves = basis.halves();
-        let aovs = aov::trace(&scene);
+        let aovs = aov::trace(view, 1.0);
         let target = Target::resolve("high-key").expect("is built in");
         let objective = Objective::new(&target, aovs.width, aovs.height, &aovs.mask).expect("has both");
         let variables = variables(n);
-        let fixed = LightingPoint { radiance: vec![1.0; n], size: vec![1.0; n], value: 1.0 };
         let evaluator = Evaluator {
             basis: &basis,
             halves: &halves,
@@ -129,7 +126,6 @@ fn benchmark(c: &mut Criterion) {
             variables: &variables,
             fixed: &fixed,
             luminance: LuminanceMode::Srgb,
-            exposure: 1.0,
             least_sizes: &[],
         };
         let u = vec![0.4; variables.len()];

@@ -83,9 +83,9 @@ impl RgbFilm {
         let mut lights = vec![rgb.clone(); n_lights];
         for (i, out) in rgb.iter_mut().enumerate() {
             let mut total = [0.0_f64; 3];
-            for l in 0..n_lights {
+            for (l, image) in lights.iter_mut().enumerate() {
                 let v = self.sum(i, l).map(|v| v * inv * f64::from(lighting.radiance[l] as f32));
-                lights[l][i] = v.map(|v| v as f32);
+                image[i] = v.map(|v| v as f32);
                 total = std::array::from_fn(|c| total[c] + v[c]);
             }
             *out = total.map(|v| v as f32);

@@ -4,8 +4,10 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use lightopt_embree::{
-    export::{self, ExportError, ExportJob},
-    scene,
+    export::{self, ExportError, ExportJob, Exported},
+    import,
+    integrator::View,
+    lighting::Lighting,
 };
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -258,12 +260,20 @@ fn what_cannot_be_represented_is_refused_before_anything_is_written() {
     assert!(xml.contains("name=\"hide_emitters\" value=\"true\""), "{xml}");
 }
 
+/// Exports the scene of a directory as its author lit it.
+fn write(directory: &Path) -> Result<Exported, ExportError> {
+    let scene = import::load(&directory.join("s.obj")).unwrap().scene;
+    let view = View { scene: &scene, camera: &scene.camera };
+    let job = ExportJob { view, lighting: &Lighting::authored(&scene), max_depth: 8 };
+    export::by_name("mitsuba").unwrap().write(&job, &directory.join("out"))
+}
+
 #[test]
 fn an_exporter_names_the_files_it_has_written_the_one_to_open_last() {
     let directory = scene_dir(&(DISK.replace("\"disk\"", "\"spot\"") + "angle = 30.0\n"));
-    let (scene, out) = (scene::load(&directory.path().join("s.obj")).unwrap(), directory.path().join("out"));
+    let out = directory.path().join("out");
     let mitsuba = export::by_name("mitsuba").unwrap();
-    let mut files = mitsuba.write(&ExportJob { scene: &scene, max_depth: 8 }, &out).unwrap().files;
+    let mut files = write(directory.path()).unwrap().files;
     assert_eq!(files.last(), Some(&mitsuba.entry_point(&out)));
     files.sort();
     let mut there: Vec<_> = fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
@@ -275,9 +285,7 @@ fn an_exporter_names_the_files_it_has_written_the_one_to_open_last() {
 #[test]
 fn an_error_names_the_format_and_what_has_no_counterpart_there() {
     let directory = scene_dir(&(DISK.to_owned() + "camera_visible = false\n" + &DISK.replace("key", "rim")));
-    let (scene, out) = (scene::load(&directory.path().join("s.obj")).unwrap(), directory.path().join("out"));
-    let error = export::by_name("mitsuba").unwrap().write(&ExportJob { scene: &scene, max_depth: 8 }, &out);
-    let error = error.unwrap_err();
+    let error = write(directory.path()).unwrap_err();
     assert!(matches!(error, ExportError::NoCounterpart { .. }), "{error:?}");
     assert!(error.to_string().starts_with("light `key`: Mitsuba has no counterpart to "), "{error}");
 }

@@ -4,12 +4,18 @@ use std::io::Cursor;
 
 use glam::{Vec2, Vec3};
 use lightopt_embree::film::image_file;
-use lightopt_embree::scene::{
-    Scene, SceneError, builder, gltf,
+use lightopt_embree::import::{
+    self, ImportError, gltf,
     imported::{Imported, Punctual},
+};
+use lightopt_embree::integrator::View;
+use lightopt_embree::lighting::Lighting;
+use lightopt_embree::scene::{
+    Scene,
     material::{MaterialParams, Model, Relief},
     mesh::face_normal,
 };
+use lightopt_embree::variables::Fitted;
 use predicates::str::contains;
 use serde_json::{Value, json};
 
@@ -119,7 +125,7 @@ fn room_of(json: &Value) -> Room {
     room
 }
 
-fn try_load(json: &Value) -> Result<Imported, SceneError> {
+fn try_load(json: &Value) -> Result<Imported, ImportError> {
     gltf::load(&room_of(json).path("s.glb"))
 }
 
@@ -135,7 +141,7 @@ fn error(changes: &[(&str, Value)]) -> String {
 
 fn color_at(scene: &Scene, x: f32, y: f32) -> [f32; 3] {
     let hit = scene.intersect(Vec3::new(x, y, 3.0), Vec3::NEG_Z).unwrap();
-    scene.base_color(&hit).to_array().map(f32::round)
+    scene.base_color(&hit, 1.0).to_array().map(f32::round)
 }
 
 #[test]
@@ -155,7 +161,7 @@ fn textures_are_the_right_way_up_in_all_ways_of_storing_them() {
     let data = format!("{}\n {}#buffer", head.replace("data:", "DATA:"), tail.trim_end_matches('='));
     room.write("loose.gltf", square_with(&[("/buffers", uri(&data))]).to_string());
     for name in ["s.glb", "external.gltf", "embedded.gltf", "loose.gltf"] {
-        let scene = builder::load(&room.path(name)).unwrap();
+        let scene = import::load(&room.path(name)).unwrap().scene;
         let corners =
             [(-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)].map(|(x, y)| color_at(&scene, x, y));
         assert_eq!(corners, [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [1., 1., 1.]], "{name}");
@@ -167,7 +173,7 @@ fn a_texture_transform_moves_the_image() {
     let transform = json!({"KHR_texture_transform": {"offset": [0.5, 0.0]}});
     let pointer = "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions";
     let room = room_of(&square_with(&[(pointer, transform)]));
-    let scene = builder::load(&room.path("s.glb")).unwrap();
+    let scene = import::load(&room.path("s.glb")).unwrap().scene;
     assert_eq!(color_at(&scene, -0.5, 0.5), [0., 1., 0.]);
 }
 
@@ -309,23 +315,27 @@ fn cameras_and_lights_of_the_file_are_used() {
 #[test]
 fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
     let room = room_of(&square());
-    let scene = builder::load(&room.path("s.glb")).unwrap();
+    let loaded = import::load(&room.path("s.glb")).unwrap();
+    let scene = &loaded.scene;
     assert!(scene.is_main.iter().all(|m| *m));
     assert_eq!(scene.camera.size().to_array(), [640, 320]);
     assert_eq!(scene.lights.len(), 1);
     assert_eq!((scene.lights[0].name.as_str(), scene.lights[0].radiance), ("lamp", 2.0));
-    assert!(scene.light_bounds[0].radiance_free && !scene.light_bounds[0].size_free);
+    assert!(loaded.wishes.lights[0].free.contains("radiance"));
+    let view = View { scene, camera: &scene.camera };
+    let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.wishes).unwrap();
+    assert_eq!(fitted.sizes, [None], "a point has no size that could be free");
     let assert = room.command(&["render", "s", "--spp", "1", "--size", "8x4", "-o", "a.png"]).assert();
     assert.code(0).stderr(contains("s.toml does not exist: everything is the main object\n").count(1));
 
     room.write("s.toml", SIDECAR);
-    let scene = builder::load(&room.path("s.glb")).unwrap();
+    let scene = import::load(&room.path("s.glb")).unwrap().scene;
     assert_eq!(scene.camera.size().to_array(), [16, 12]);
-    assert_eq!(scene.lights.iter().map(|l| l.name.as_str()).collect::<Vec<_>>(), ["lamp", "key"]);
+    assert_eq!(scene.light_names(), ["lamp", "key"]);
     room.write("s.toml", SIDECAR.replace("\"key\"", "\"lamp\""));
-    let scene = builder::load(&room.path("s.glb")).unwrap();
-    assert_eq!((scene.lights.len(), scene.lights[0].radiance), (1, 50.0));
-    assert!(scene.warnings.iter().any(|w| w.ends_with("light `lamp` is replaced by that of the sidecar")));
+    let loaded = import::load(&room.path("s.glb")).unwrap();
+    assert_eq!((loaded.scene.lights.len(), loaded.scene.lights[0].radiance), (1, 50.0));
+    assert!(loaded.warnings.iter().any(|w| w.ends_with("light `lamp` is replaced by that of the sidecar")));
 }
 
 #[test]
@@ -333,13 +343,13 @@ fn without_camera_or_lights_a_gltf_is_staged() {
     let mut json = square();
     json["nodes"][2].as_object_mut().unwrap().remove("camera");
     let room = room_of(&json);
-    let scene = builder::load(&room.path("s.glb")).unwrap();
-    let own = builder::load(&room_of(&square()).path("s.glb")).unwrap();
+    let loaded = import::load(&room.path("s.glb")).unwrap();
+    let own = import::load(&room_of(&square()).path("s.glb")).unwrap();
     assert!(own.staging.is_none());
-    let staging = scene.staging.unwrap();
+    let staging = loaded.staging.unwrap();
     assert!(staging.contains("[camera]") && !staging.contains("scale"), "{staging}");
     // Its own lights stay.
-    assert_eq!(scene.lights.len(), own.lights.len());
+    assert_eq!(loaded.scene.lights.len(), own.scene.lights.len());
     assert!(!staging.contains("[[lights]]"), "{staging}");
     room.write("s.toml", "schema = 1\n");
     let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
@@ -355,7 +365,7 @@ fn names_of_nodes_their_ancestors_and_meshes_select_the_main_object() {
     let room = room_of(&square_with(&[("/nodes/-", second), ("/scenes/0/nodes/-", json!(4))]));
     let main = |name: &str| {
         room.write("s.toml", SIDECAR.replace("\"group\"", &format!("{name:?}")));
-        builder::load(&room.path("s.glb")).map(|s| s.is_main)
+        import::load(&room.path("s.glb")).map(|loaded| loaded.scene.is_main)
     };
     for name in ["group", "square", "s*"] {
         assert_eq!(main(name).unwrap(), [true, true, false, false], "{name}");

@@ -1,11 +1,10 @@
 //! OBJ, MTL and textures.
 
 use glam::{Vec2, Vec3};
+use lightopt_embree::import::{self, ImportError, imported::Imported, obj};
 use lightopt_embree::scene::{
-    Material, SceneError, builder,
-    imported::Imported,
+    Material,
     material::{Coats, MaterialParams, Model, Relief},
-    obj,
     texture::ScalarMap,
 };
 
@@ -16,7 +15,7 @@ const CREASE: f32 = 0.7;
 /// A square in the plane y = 0.
 const SQUARE: &str = "v 0 0 0\nv 0 0 1\nv 1 0 1\nv 1 0 0\n";
 
-fn load(obj: &str, mtl: &str) -> Result<Imported, SceneError> {
+fn load(obj: &str, mtl: &str) -> Result<Imported, ImportError> {
     let room = Room::with(obj, mtl, TOML);
     obj::load(&room.path("room.obj"), CREASE)
 }
@@ -25,7 +24,7 @@ fn load_ok(obj: &str) -> Imported {
     load(obj, MTL).unwrap()
 }
 
-fn line_of(e: &SceneError) -> String {
+fn line_of(e: &ImportError) -> String {
     let text = e.to_string();
     text.split_once("room.").map(|(_, rest)| rest.to_owned()).unwrap_or(text)
 }
@@ -139,8 +138,8 @@ fn objects_groups_and_materials_are_respected() {
     let main = |names: &str| {
         let toml = TOML.replace("\"box\"", names);
         let obj = OBJ.replace("o box\n", "o furniture\ng box left\n");
-        builder::load(&Room::with(&obj, MTL, &toml).path("room.obj"))
-            .map(|s| s.is_main.iter().filter(|m| **m).count())
+        import::load(&Room::with(&obj, MTL, &toml).path("room.obj"))
+            .map(|loaded| loaded.scene.is_main.iter().filter(|m| **m).count())
     };
     for (pattern, n) in [("\"box\"", 10), ("\"furniture\"", 10), ("\"f*\"", 12), ("\"wall\", \"left\"", 12)] {
         assert_eq!(main(pattern).unwrap(), n, "{pattern}");
@@ -413,7 +412,7 @@ fn broken_files_are_errors_and_never_panics() {
         room.write("room.obj", &whole);
         room.write("room.mtl", MTL);
         room.write(name, &bytes);
-        loaded += usize::from(builder::load(&room.path("room.obj")).is_ok());
+        loaded += usize::from(import::load(&room.path("room.obj")).is_ok());
     }
     assert!(loaded > 100, "{loaded}");
 }
@@ -640,8 +639,8 @@ fn the_sidecar_overrides_what_the_mtl_says_of_a_material() {
     let of = |mtl: &str, keys: &str| {
         let mtl = MTL.replace("newmtl red\n", &format!("newmtl red\n{mtl}"));
         let toml = format!("{TOML}\n[materials.red]\n{keys}\n");
-        let scene = builder::load(&Room::with(OBJ, &mtl, &toml).path("room.obj")).unwrap();
-        scene.materials.into_iter().find(|m| m.name == "red").unwrap()
+        let loaded = import::load(&Room::with(OBJ, &mtl, &toml).path("room.obj")).unwrap();
+        loaded.scene.materials.into_iter().find(|m| m.name == "red").unwrap()
     };
     let m = of("", "metallic = 0.25\nspecular = 0.5\nopacity = 0.75\nemission = [1, 2, 3]");
     assert_eq!((m.metallic(), m.specular(), m.opacity(Vec2::ZERO)), (0.25, 0.5, 0.75));

@@ -37,7 +37,8 @@ const LONG: [&str; 8] =
 fn signals_end_a_run_in_order_and_keep_what_is_found() {
     for (name, status) in [("-INT", 130), ("-TERM", 143), ("-HUP", 129)] {
         let room = Room::new();
-        let mut child = start(&room, &[&["run", "room.obj", "--out", "a"], &LONG[..]].concat(), "initial picture");
+        let mut child =
+            start(&room, &[&["run", "room.obj", "--out", "a"], &LONG[..]].concat(), "initial picture");
         assert!(room.path("a/lights.toml").exists(), "the lights are there before any picture");
         let clock = Instant::now();
         signal(&child, name);
@@ -137,5 +138,16 @@ fn ranges_of_no_width_hold_what_they_say() {
     assert!((relit / rendered - 1.0).abs() < 0.02, "{relit} {rendered}");
     // A background that is black is lit all the same.
     let room = Room::with(OBJ, MTL, &toml.replace("[0.4, 0.4]", "[0.0, 0.0]"));
-    room.succeed(&["run", "room.obj", "--out", "a", "--work-size", "24x18", "--size", "24x18", "--final-spp", "4"]);
+    room.succeed(&[
+        "run",
+        "room.obj",
+        "--out",
+        "a",
+        "--work-size",
+        "24x18",
+        "--size",
+        "24x18",
+        "--final-spp",
+        "4",
+    ]);
 }

@@ -2,7 +2,7 @@
 
 use lightopt_embree::{
     film::exr::read_exr,
-    scene::{builder, stage::StageOptions},
+    import::{self, builder, stage::StageOptions},
 };
 
 use crate::room::{MTL, OBJ, QUICK, Room, TOML, names};
@@ -78,19 +78,21 @@ fn a_run_keeps_the_staging_and_leaves_the_scene_alone() {
 #[test]
 fn on_its_floor_the_box_is_the_main_object_and_no_backdrop_is_added() {
     let room = bare(OBJ);
-    let scene = builder::load(&room.path("room.obj")).unwrap();
-    let is_main = |o: &u32| scene.parts[*o as usize].object.as_deref() == Some("box");
-    assert_eq!(scene.is_main, scene.mesh.objects.iter().map(is_main).collect::<Vec<_>>());
-    assert!(!scene.staging.unwrap().contains("[backdrop]"));
+    let loaded = import::load(&room.path("room.obj")).unwrap();
+    let parts = import::obj::load(&room.path("room.obj"), 0.7).unwrap().parts;
+    let is_main = |o: &u32| parts[*o as usize].object.as_deref() == Some("box");
+    let expected: Vec<bool> = loaded.scene.mesh.objects.iter().map(is_main).collect();
+    assert_eq!(loaded.scene.is_main, expected);
+    assert!(!loaded.staging.unwrap().contains("[backdrop]"));
 }
 
 #[test]
 fn without_names_the_main_object_is_a_box_in_space() {
     let nameless: String = OBJ.lines().filter(|l| !l.starts_with("o ")).map(|l| format!("{l}\n")).collect();
     let room = bare(&nameless);
-    let scene = builder::load(&room.path("room.obj")).unwrap();
-    assert!(scene.staging.unwrap().contains("inside = "));
-    assert_eq!(scene.is_main.iter().filter(|m| **m).count(), 10);
+    let loaded = import::load(&room.path("room.obj")).unwrap();
+    assert!(loaded.staging.unwrap().contains("inside = "));
+    assert_eq!(loaded.scene.is_main.iter().filter(|m| **m).count(), 10);
 }
 
 #[test]
@@ -106,7 +108,7 @@ fn a_scene_without_height_is_staged_and_lit() {
     for (obj, n_triangles) in [(painted, 4), (square(0, [0.0, 1.0], [0.0, 1.0]), 2)] {
         let room = bare(&obj);
         room.succeed(&["render", "room.obj", "--spp", "4", "--size", "16x12", "-o", "a.exr"]);
-        let scene = builder::load(&room.path("room.obj")).unwrap();
+        let scene = import::load(&room.path("room.obj")).unwrap().scene;
         assert_eq!(scene.is_main.iter().filter(|m| **m).count(), n_triangles);
         assert!(scene.lights.iter().all(|l| l.radiance.is_finite() && l.size > 0.0));
     }
@@ -131,7 +133,7 @@ fn users_name_the_main_object_the_view_and_the_axis() {
     room.succeed(&["stage", "--main-object", "to*", "--view", "-45", "--up-axis", "z", "room.obj"]);
     let text = std::fs::read_to_string(room.path("room.toml")).unwrap();
     assert!(text.contains("objects = [\"to*\"]") && text.contains("up_axis = \"z\""), "{text}");
-    let scene = builder::load(&room.path("room.obj")).unwrap();
+    let scene = import::load(&room.path("room.obj")).unwrap().scene;
     assert!(scene.camera.position.x < 0.0, "{:?}", scene.camera.position);
     let error = room.fail_at_once(&["stage", "--force", "--main-object", "tpo", "room.obj"]);
     assert_eq!(error, "error: room.obj: `--main-object`: no `tpo` in room.obj; did you mean `top`?");
@@ -159,7 +161,7 @@ fn units_are_guessed_from_the_size() {
         let room = bare(&scaled);
         let staged = builder::stage(&room.path("room.obj"), &StageOptions::default()).unwrap();
         assert!(staged.summary.contains(&format!("taken as {unit};")), "{}", staged.summary);
-        let scene = builder::load(&room.path("room.obj")).unwrap();
+        let scene = import::load(&room.path("room.obj")).unwrap().scene;
         let object = (0..scene.is_main.len()).filter(|&t| scene.is_main[t]);
         let height = object.flat_map(|t| scene.mesh.corners(t)).map(|p| p.y).fold(0.0, f32::max);
         assert!((height - 60.0 * factor * scale).abs() < 1e-5, "{height}");

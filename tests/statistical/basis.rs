@@ -2,32 +2,29 @@
 
 use glam::{UVec2, Vec3};
 use lightopt_embree::{
-    film::{Contribution, LightState, Recorder, Region, RgbFilm},
-    integrator::{Heuristic, Integrator, IntegratorKind, Sampling, Values},
-    light::SizeDensity,
+    film::{Contribution, Recorder, RgbFilm},
+    integrator::{Context, Heuristic, Integrator, IntegratorKind, Samples, Values, View, bdpt, path},
+    light::{LightSampler, SizeDensity},
+    lighting::{Lighting, SamplingPlan},
     math::{
         self, luminance,
         stats::{Moments, normal_deviate, sidak_z},
     },
-    sampler::SamplerKind,
+    sampler::{Sampler, SamplerKind},
     scene::{Scene, material::Model},
     transport::{
-        Knots, Layout, LightingGradient, LightingPoint, Linearised, Recombination, SizeBins, Source, Tables,
-        Tangents, TransportBasis, ValueNodes,
+        Knots, Layout, LightingGradient, Linearised, Recombination, SizeBins, Source, Tables, Tangents,
+        TransportBasis, ValueNodes,
     },
 };
 
-use crate::support::{random::Random, scenes};
+use crate::support::{compare::Subject, random::Random, scenes};
 
-const PATH: Integrator = Integrator {
-    kind: IntegratorKind::Path,
-    max_depth: 6,
-    heuristic: Heuristic::Power,
-    first_light_samples: 6,
-    light_samples: 3,
-    camera_subpaths: 1,
-};
-const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, camera_subpaths: 4, ..PATH };
+const PATH: Integrator = Integrator { kind: IntegratorKind::Path, max_depth: 6, heuristic: Heuristic::Power };
+const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
+/// Camera subpaths for each light subpath of the bidirectional integrator; a basis is rendered with
+/// more than one.
+const CAMERA_SUBPATHS: u32 = 4;
 const SIZES: [f32; 2] = [0.1, 1.5];
 const LARGEST_VALUE: f32 = 1.2;
 
@@ -54,42 +51,52 @@ fn scene() -> Scene {
         ),
         scenes::environment("sky", Some(scenes::sky())),
     ];
-    let mut scene = Scene::new("any light", s.mesh, m, lights, scenes::room_camera((16, 12))).unwrap();
-    scene.set_background(vec![0, 1, 2, 3, 4]);
-    scene
+    let scene = Scene::new("any light", s.mesh, m, lights, scenes::room_camera((16, 12))).unwrap();
+    scene.with_background(vec![0, 1, 2, 3, 4])
 }
 
-fn free_sizes(scene: &mut Scene) -> Vec<SizeBins> {
-    let mut bins = Vec::new();
-    for light in &mut scene.lights {
-        if light.has_size() {
-            light.size_density = SizeDensity::any_size(SIZES);
-            bins.push(SizeBins::Free(Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 12)));
-        } else {
-            bins.push(SizeBins::Fixed(1.0));
-        }
+fn layout(scene: &Scene, max_depth: usize) -> Layout {
+    let knots = || Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 12);
+    let bins = scene
+        .lights
+        .iter()
+        .map(|l| if l.has_size() { SizeBins::Free(knots()) } else { SizeBins::Fixed(1.0) });
+    let nodes = ValueNodes::new(f64::from(LARGEST_VALUE), max_depth);
+    Layout::new(scene.camera.size(), bins.collect(), nodes)
+}
+
+/// Samples each light that has a size by `density` of its index, the background at `largest_value`.
+fn plan_of_sizes(scene: &Scene, largest_value: f32, density: impl Fn(usize) -> SizeDensity) -> SamplingPlan {
+    let mut plan = Subject::new(scene).with_camera_subpaths(CAMERA_SUBPATHS).plan;
+    for (l, q) in plan.sizes.iter_mut().enumerate().filter(|(l, _)| scene.lights[*l].has_size()) {
+        *q = density(l);
     }
-    bins
+    SamplingPlan { largest_value, ..plan }
 }
 
-fn layout(scene: &mut Scene, max_depth: usize) -> Layout {
-    let sizes = free_sizes(scene);
-    scene.set_background_value(LARGEST_VALUE, LARGEST_VALUE);
-    Layout::new(scene.camera.size(), sizes, ValueNodes::new(f64::from(LARGEST_VALUE), max_depth))
+/// Samples all that a basis of free sizes and values may be asked for.
+fn open_plan(scene: &Scene) -> SamplingPlan {
+    plan_of_sizes(scene, LARGEST_VALUE, |_| SizeDensity::any_size(SIZES))
 }
 
-fn random_lighting(scene: &Scene, random: &mut Random, value: f64) -> LightingPoint {
-    LightingPoint {
+fn source<'a>(scene: &'a Scene, plan: &'a SamplingPlan, integrator: &'a Integrator, seed: u64) -> Source<'a> {
+    let view = View { scene, camera: &scene.camera };
+    Source { view, plan, integrator, sampler: SamplerKind::Sobol, seed }
+}
+
+fn random_lighting(scene: &Scene, random: &mut Random, value: f64) -> Lighting {
+    Lighting {
         radiance: scene.lights.iter().map(|_| f64::from(random.range(0.0, 4.0))).collect(),
         size: scene.lights.iter().map(|_| f64::from(random.range(SIZES[0], SIZES[1]))).collect(),
         value,
+        exposure: 1.0,
     }
 }
 
 /// Sums contributions with the feathered profile of each light and its radiance:
 /// what the basis stands for, without it.
 struct Feathered<'a> {
-    x: &'a LightingPoint,
+    x: &'a Lighting,
     layout: &'a Layout,
     pixel: usize,
     luminance: Vec<f64>,
@@ -117,22 +124,13 @@ impl Recorder for &mut Feathered<'_> {
 }
 
 /// One render, its contributions weighted directly; sampled at the largest value.
-fn feathered(
-    scene: &mut Scene,
-    integrator: &Integrator,
-    layout: &Layout,
-    x: &LightingPoint,
-    seed: u64,
-    spp: u32,
-) -> Vec<f64> {
-    use lightopt_embree::integrator::{bdpt, path};
-    use lightopt_embree::sampler::Sampler;
-    scene.set_background_value(x.value as f32, LARGEST_VALUE);
+fn feathered(source: Source, layout: &Layout, x: &Lighting, spp: u32) -> Vec<f64> {
+    let Source { view, plan, integrator, sampler, seed } = source;
+    let context = Context::new(*integrator, view, Values([x.value as f32]), plan);
     let size = layout.size;
     let mut film = Feathered { x, layout, pixel: 0, luminance: vec![0.0; layout.n_pixels()] };
-    let mut sampler = Sampler::new(SamplerKind::Sobol, seed);
+    let mut sampler = Sampler::new(sampler, seed);
     let mut workspace = bdpt::Workspace::default();
-    let nodes = Values([x.value as f32]);
     for p in 0..layout.n_pixels() as u32 {
         let pixel = UVec2::new(p % size.x, p / size.x);
         film.pixel = p as usize;
@@ -140,26 +138,17 @@ fn feathered(
             sampler.start(pixel, i);
             let mut recorder = &mut film;
             match integrator.kind {
-                IntegratorKind::Path => {
-                    path::sample(integrator, scene, &nodes, &mut sampler, pixel, &mut recorder)
+                IntegratorKind::Path => path::sample(&context, &mut sampler, pixel, &mut recorder),
+                IntegratorKind::Bdpt => {
+                    bdpt::sample(&context, &mut sampler, pixel, &mut workspace, &mut recorder)
                 }
-                IntegratorKind::Bdpt => bdpt::sample(
-                    integrator,
-                    scene,
-                    &nodes,
-                    &mut sampler,
-                    pixel,
-                    true,
-                    &mut workspace,
-                    &mut recorder,
-                ),
             }
         }
     }
     film.luminance.iter().map(|v| v / f64::from(spp)).collect()
 }
 
-fn recombined(basis: &TransportBasis, x: &LightingPoint) -> Vec<Vec<f64>> {
+fn recombined(basis: &TransportBasis, x: &Lighting) -> Vec<Vec<f64>> {
     let r = Recombination::new(basis.layout(), x);
     (0..basis.n_replicates())
         .map(|i| {
@@ -180,17 +169,18 @@ fn recombination_is_the_same_samples_weighted_by_the_feather() {
     // Without roulette, whose survival differs with the value, the samples are the same.
     for base in [PATH, BDPT] {
         let integrator = Integrator { max_depth: 3, ..base };
-        let mut scene = scene();
-        let layout = layout(&mut scene, 3);
+        let scene = scene();
+        let plan = open_plan(&scene);
+        let layout = layout(&scene, 3);
         let mut basis = TransportBasis::new(layout.clone(), 1);
-        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 5 };
+        let source = source(&scene, &plan, &integrator, 5);
         basis.render(source, 4, &()).unwrap();
         let seed = lightopt_embree::math::hash::hash_words(&[5, 0]);
         let mut random = Random::new(&[41]);
         for value in values() {
             let x = random_lighting(&scene, &mut random, value);
             let found = &recombined(&basis, &x)[0];
-            let expected = feathered(&mut scene, &integrator, &layout, &x, seed, 4);
+            let expected = feathered(Source { seed, ..source }, &layout, &x, 4);
             let scale = expected.iter().fold(0.0_f64, |m, v| m.max(*v));
             let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             println!("{:?} v {value:.2}: worst {:.1e} of {scale:.2}", integrator.kind, worst / scale);
@@ -202,19 +192,21 @@ fn recombination_is_the_same_samples_weighted_by_the_feather() {
 #[test]
 fn recombination_equals_feathered_renders_at_random_lightings() {
     for integrator in [PATH, BDPT] {
-        let mut scene = scene();
-        let layout = layout(&mut scene, integrator.max_depth);
+        let scene = scene();
+        let plan = open_plan(&scene);
+        let layout = layout(&scene, integrator.max_depth);
         let (n, spp) = (16, 16);
         let mut basis = TransportBasis::new(layout.clone(), n);
-        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 6 };
+        let source = source(&scene, &plan, &integrator, 6);
         basis.render(source, spp, &()).unwrap();
         let mut random = Random::new(&[42]);
-        let lightings: Vec<LightingPoint> =
+        let lightings: Vec<Lighting> =
             values().iter().flat_map(|&v| [v; 2]).map(|v| random_lighting(&scene, &mut random, v)).collect();
         let threshold = sidak_z(0.01, lightings.len() * (layout.n_pixels() + 1));
         for (k, x) in lightings.iter().enumerate() {
             let direct: Vec<Vec<f64>> = (0..n)
-                .map(|i| feathered(&mut scene, &integrator, &layout, x, (1000 * k + i) as u64, spp / 2))
+                .map(|i| Source { seed: (1000 * k + i) as u64, ..source })
+                .map(|source| feathered(source, &layout, x, spp / 2))
                 .collect();
             let (worst, total) = compare(&recombined(&basis, x), &direct);
             println!("{:?} v {:.2}: worst z {worst:.2}, picture z {total:.2}", integrator.kind, x.value);
@@ -227,34 +219,28 @@ fn recombination_equals_feathered_renders_at_random_lightings() {
 /// sizes of some lights.
 #[test]
 fn aimed_samples_after_others_equal_feathered_renders_too() {
-    let mut scene = scene();
-    let layout = layout(&mut scene, BDPT.max_depth);
+    let scene = scene();
+    let plan = open_plan(&scene);
+    let layout = layout(&scene, BDPT.max_depth);
     let (n, spp) = (16, 16);
     let mut basis = TransportBasis::new(layout.clone(), n);
-    fn source(scene: &Scene, seed: u64) -> Source<'_> {
-        Source { scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed }
-    }
-    basis.render(source(&scene, 10), 4, &()).unwrap();
+    basis.render(source(&scene, &plan, &BDPT, 10), 4, &()).unwrap();
     basis.fade();
     assert_eq!(basis.effective_samples(), 2 * n as u32);
     let weights: Vec<f32> = (0..scene.lights.len()).map(|l| 0.2 + l as f32).collect();
-    scene.select_lights(&weights);
-    for light in &mut scene.lights {
-        if light.has_size() {
-            light.size_density = SizeDensity::focused(SIZES, &[(0.3, 1.0), (0.9, 2.0)]);
-        }
-    }
-    basis.render(source(&scene, 11), spp, &()).unwrap();
+    let focused =
+        plan_of_sizes(&scene, LARGEST_VALUE, |_| SizeDensity::focused(SIZES, &[(0.3, 1.0), (0.9, 2.0)]));
+    let aimed = SamplingPlan { lights: LightSampler::new(&weights), ..focused };
+    basis.render(source(&scene, &aimed, &BDPT, 11), spp, &()).unwrap();
     assert_eq!(basis.effective_samples(), (2 + spp) * n as u32);
-    scene.select_all_lights();
-    free_sizes(&mut scene);
     let mut random = Random::new(&[45]);
-    let lightings: Vec<LightingPoint> =
+    let lightings: Vec<Lighting> =
         values().iter().map(|&v| random_lighting(&scene, &mut random, v)).collect();
     let threshold = sidak_z(0.01, lightings.len() * (layout.n_pixels() + 1));
     for (k, x) in lightings.iter().enumerate() {
         let direct: Vec<Vec<f64>> = (0..n)
-            .map(|i| feathered(&mut scene, &BDPT, &layout, x, (2000 * (k + 1) + i) as u64, spp / 2))
+            .map(|i| source(&scene, &plan, &BDPT, (2000 * (k + 1) + i) as u64))
+            .map(|source| feathered(source, &layout, x, spp / 2))
             .collect();
         let (worst, total) = compare(&recombined(&basis, x), &direct);
         println!("v {:.2}: worst z {worst:.2}, picture z {total:.2}", x.value);
@@ -268,53 +254,40 @@ fn aimed_samples_after_others_equal_feathered_renders_too() {
 fn lightings_rendered_together_equal_renders_of_each() {
     const N: usize = 3;
     for integrator in [PATH, BDPT] {
-        let mut scene = scene();
+        let scene = scene();
         let (n, spp) = (24, 32);
         let mut random = Random::new(&[7]);
         // The first value is the largest.
-        let lightings: Vec<LightingPoint> =
-            [1.1, 0.6, 0.0].map(|v| random_lighting(&scene, &mut random, v)).to_vec();
-        let state = |(&l, &s): (&f64, &f64)| LightState { radiance: l as f32, size: s as f32 };
-        let states: Vec<Vec<LightState>> =
-            lightings.iter().map(|x| x.radiance.iter().zip(&x.size).map(state).collect()).collect();
-        let region = Region::full(scene.camera.size());
-        let sampling = |seed: u64| Sampling { sampler: SamplerKind::Sobol, seed, first: 0, count: spp };
+        let lightings = [1.1, 0.6, 0.0].map(|v| random_lighting(&scene, &mut random, v));
+        let size = scene.camera.size();
+        let n_pixels = size.element_product() as usize;
+        let samples = |seed: u64| Samples { sampler: SamplerKind::Sobol, seed, first: 0, count: spp };
         let image = |sum: &dyn Fn(usize) -> [f64; 3]| -> Vec<f64> {
             let pixel = |p| math::display::luminance(sum(p).map(|v| (v / f64::from(spp)) as f32));
-            (0..region.n_pixels()).map(pixel).collect()
+            (0..n_pixels).map(pixel).collect()
         };
 
-        scene.set_background_value(1.1, 1.1);
-        for (l, light) in scene.lights.iter_mut().enumerate() {
-            if light.has_size() {
-                let sizes: Vec<(f32, f32)> =
-                    states.iter().map(|k| (k[l].size, 1.0 + k[l].radiance)).collect();
-                light.size_density = SizeDensity::one_of(&sizes);
-            }
-        }
+        let one_of = |l: usize| {
+            let sizes = lightings.each_ref().map(|x| (x.size[l] as f32, 1.0 + x.radiance[l] as f32));
+            SizeDensity::one_of(&sizes)
+        };
+        let shared = plan_of_sizes(&scene, 1.1, one_of);
+        let view = View { scene: &scene, camera: &scene.camera };
         let nodes = Values::<N>(std::array::from_fn(|k| lightings[k].value as f32));
         let mut together = vec![Vec::new(); N];
         for seed in 0..n {
-            let mut film = RgbFilm::<N>::of_lightings(region, &states, 1.0);
-            integrator.render_values(&scene, &nodes, &mut film, &[sampling(seed)], &()).unwrap();
+            let mut film = RgbFilm::<N>::by_lighting(size, &lightings.each_ref());
+            integrator.render_values(view, &nodes, &shared, &mut film, &[samples(seed)], &()).unwrap();
             for (k, images) in together.iter_mut().enumerate() {
                 images.push(image(&|p| film.sum(p, k)));
             }
         }
-        let threshold = sidak_z(0.01, N * (region.n_pixels() + 1));
+        let threshold = sidak_z(0.01, N * (n_pixels + 1));
         for (k, x) in lightings.iter().enumerate() {
-            scene.set_background_value(x.value as f32, x.value as f32);
-            for (l, state) in states[k].iter().enumerate() {
-                if scene.lights[l].has_size() {
-                    scene.set_light(l, state.radiance, state.size);
-                }
-            }
+            let subject = Subject::lit(&scene, x.clone()).with_camera_subpaths(CAMERA_SUBPATHS);
             let each: Vec<Vec<f64>> = (0..n)
                 .map(|seed| {
-                    let mut film = RgbFilm::new(region, &states[k], 1.0);
-                    integrator.render(&scene, &mut film, sampling(1000 + seed), &()).unwrap();
-                    let radiance: Vec<f32> = states[k].iter().map(|s| s.radiance).collect();
-                    let picture = film.develop(&radiance, spp);
+                    let picture = subject.render(&integrator, samples(1000 + seed));
                     picture.rgb.iter().map(|&rgb| math::display::luminance(rgb)).collect()
                 })
                 .collect();
@@ -349,7 +322,7 @@ fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
 /// The images of a lighting, and the derivatives of the sum of their products with `adjoints`.
 fn differentiated(
     tables: &impl Tables,
-    x: &LightingPoint,
+    x: &Lighting,
     adjoints: &[Vec<f64>],
 ) -> (Vec<Vec<f64>>, LightingGradient) {
     let r = Recombination::new(tables.layout(), x);
@@ -368,10 +341,11 @@ fn differentiated(
 
 #[test]
 fn around_a_value_the_linearised_basis_is_the_basis() {
-    let mut scene = scene();
-    let layout = layout(&mut scene, BDPT.max_depth);
+    let scene = scene();
+    let plan = open_plan(&scene);
+    let layout = layout(&scene, BDPT.max_depth);
     let mut basis = TransportBasis::new(layout, 2);
-    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 8 };
+    let source = source(&scene, &plan, &BDPT, 8);
     basis.render(source, 2, &()).unwrap();
     let mut random = Random::new(&[44]);
     let n = basis.layout().n_pixels();
@@ -401,16 +375,17 @@ fn around_a_value_the_linearised_basis_is_the_basis() {
 
 #[test]
 fn derivatives_are_those_of_the_recombination() {
-    let mut scene = scene();
-    let layout = layout(&mut scene, BDPT.max_depth);
+    let scene = scene();
+    let plan = open_plan(&scene);
+    let layout = layout(&scene, BDPT.max_depth);
     let mut basis = TransportBasis::new(layout, 2);
-    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 7 };
+    let source = source(&scene, &plan, &BDPT, 7);
     basis.render(source, 2, &()).unwrap();
     let mut random = Random::new(&[43]);
     let n = basis.layout().n_pixels();
     let adjoints: Vec<Vec<f64>> =
         (0..2).map(|_| (0..n).map(|_| f64::from(random.range(-1.0, 1.0))).collect()).collect();
-    let value = |x: &LightingPoint| -> f64 {
+    let value = |x: &Lighting| -> f64 {
         let images = recombined(&basis, x);
         images.iter().zip(&adjoints).flat_map(|(y, a)| y.iter().zip(a)).map(|(y, a)| y * a).sum()
     };
@@ -418,7 +393,7 @@ fn derivatives_are_those_of_the_recombination() {
         let x = random_lighting(&scene, &mut random, value_at);
         let (_, g) = differentiated(&basis, &x, &adjoints);
         let scale = g.radiance.iter().map(|v| v.abs()).fold(0.0, f64::max);
-        let check = |what: &str, found: f64, at: &dyn Fn(f64) -> LightingPoint| {
+        let check = |what: &str, found: f64, at: &dyn Fn(f64) -> Lighting| {
             let h = 1e-5;
             let difference = (value(&at(h)) - value(&at(-h))) / (2.0 * h);
             assert!(
@@ -438,19 +413,20 @@ fn derivatives_are_those_of_the_recombination() {
                 x
             });
         }
-        check("value", g.value, &|h| LightingPoint { value: x.value + h, ..x.clone() });
+        check("value", g.value, &|h| Lighting { value: x.value + h, ..x.clone() });
     }
 }
 
 #[test]
 fn halves_are_the_means_of_every_other_replicate() {
-    let mut scene = scene();
-    let layout = layout(&mut scene, PATH.max_depth);
+    let scene = scene();
+    let plan = open_plan(&scene);
+    let layout = layout(&scene, PATH.max_depth);
     let mut random = Random::new(&[11]);
     let x = random_lighting(&scene, &mut random, 0.5);
     for n in [3, 4] {
         let mut basis = TransportBasis::new(layout.clone(), n);
-        let source = Source { scene: &scene, integrator: &PATH, sampler: SamplerKind::Sobol, seed: 5 };
+        let source = source(&scene, &plan, &PATH, 5);
         basis.render(source, 1, &()).unwrap();
         let (all, halves) = (recombined(&basis, &x), recombined(&basis.halves(), &x));
         if n == 3 {
@@ -471,15 +447,14 @@ fn halves_are_the_means_of_every_other_replicate() {
 #[test]
 fn a_furnace_has_the_powers_of_its_albedo_as_coefficients() {
     let (albedo, max_depth) = (0.7, 6);
-    let mut scene = scenes::furnace(albedo);
-    scene.set_background(vec![0]);
-    scene.set_background_value(1.0, 1.0);
+    let scene = scenes::furnace(albedo).with_background(vec![0]);
+    let plan = Subject::new(&scene).with_camera_subpaths(CAMERA_SUBPATHS).plan;
     for base in [PATH, BDPT] {
         let integrator = Integrator { max_depth, ..base };
         let sizes = scene.lights.iter().map(|_| SizeBins::Fixed(1.0)).collect();
         let layout = Layout::new(scene.camera.size(), sizes, ValueNodes::new(1.0, max_depth));
         let mut basis = TransportBasis::new(layout, 24);
-        let source = Source { scene: &scene, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 8 };
+        let source = source(&scene, &plan, &integrator, 8);
         basis.render(source, 64, &()).unwrap();
         let nodes = ValueNodes::new(1.0, max_depth);
         let mut moments = vec![Moments::default(); max_depth];
@@ -488,7 +463,7 @@ fn a_furnace_has_the_powers_of_its_albedo_as_coefficients() {
                 .values()
                 .iter()
                 .map(|&value| {
-                    let x = LightingPoint { radiance: vec![1.0; 6], size: vec![1.0; 6], value };
+                    let x = Lighting { value, ..Lighting::authored(&scene) };
                     let image = &recombined(&basis, &x)[r];
                     image.iter().sum::<f64>() / image.len() as f64
                 })
@@ -508,9 +483,10 @@ fn a_furnace_has_the_powers_of_its_albedo_as_coefficients() {
 
 #[test]
 fn no_radiance_is_exactly_black_and_the_threads_do_not_matter() {
-    let mut scene = scene();
-    let layout = layout(&mut scene, BDPT.max_depth);
-    let source = Source { scene: &scene, integrator: &BDPT, sampler: SamplerKind::Sobol, seed: 9 };
+    let scene = scene();
+    let plan = open_plan(&scene);
+    let layout = layout(&scene, BDPT.max_depth);
+    let source = source(&scene, &plan, &BDPT, 9);
     let render = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut basis = TransportBasis::new(layout.clone(), 2);

@@ -4,25 +4,26 @@ use std::path::Path;
 
 use glam::UVec2;
 use lightopt_embree::{
-    integrator::{Integrator, IntegratorKind, Sampling, aov},
+    import::{self, Loaded},
+    integrator::{Integrator, IntegratorKind, Samples, View, aov},
+    lighting::{Lighting, SamplingPlan},
     math::display::LuminanceMode,
-    params::survey,
     sampler::SamplerKind,
-    scene::{self, Scene},
+    variables::Fitted,
 };
 
-use crate::support::compare::{assert_same, measure, render};
+use crate::support::compare::{Subject, assert_same, measure};
 
-fn basket(size: (u32, u32)) -> Scene {
+fn basket(size: (u32, u32)) -> Loaded {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fruit_basket.obj");
-    let mut scene = scene::load(&path).unwrap();
-    scene.camera.resize(UVec2::new(size.0, size.1));
-    scene
+    let mut loaded = import::load(&path).unwrap();
+    loaded.scene.camera = loaded.scene.camera.resized(UVec2::new(size.0, size.1));
+    loaded
 }
 
 #[test]
 fn path_equals_bdpt_on_the_fruit_basket() {
-    let scene = basket((32, 24));
+    let scene = basket((32, 24)).scene;
     let path = Integrator { kind: IntegratorKind::Path, ..Integrator::default() };
     let a = measure(&scene, &path, SamplerKind::Sobol, 21, 24, 96);
     let b = measure(&scene, &Integrator::default(), SamplerKind::Sobol, 22, 24, 32);
@@ -32,18 +33,23 @@ fn path_equals_bdpt_on_the_fruit_basket() {
 /// Without this, low-key would end in a black picture.
 #[test]
 fn light_separates_the_fruit_from_its_background() {
-    let mut scene = basket((96, 72));
+    let Loaded { scene, wishes, .. } = basket((96, 72));
     assert!(scene.mesh.indices.len() >= 60_000);
-    let [v_min, v_max] = survey::value_range(&scene).unwrap();
-    scene.set_background_value(v_min, v_max);
-    for (i, name) in ["key", "backdrop", "rim"].into_iter().enumerate() {
-        assert_eq!(scene.lights[i].name, name);
-        scene.set_light(i, if name == "key" { 72.0 } else { 0.0 }, 1.0);
-    }
-    let sampling = Sampling { sampler: SamplerKind::Sobol, seed: 3, first: 0, count: 64 };
-    let picture = render(&scene, &Integrator::default(), sampling);
+    assert_eq!(scene.light_names(), ["key", "backdrop", "rim"]);
+    let view = View { scene: &scene, camera: &scene.camera };
+    let fitted = Fitted::new(view, &Lighting::authored(&scene), &wishes).unwrap();
+    let [v_min, v_max] = fitted.value_range.unwrap();
+    let lighting = Lighting {
+        radiance: vec![72.0, 0.0, 0.0],
+        size: vec![1.0; 3],
+        value: f64::from(v_min),
+        ..Lighting::authored(&scene)
+    };
+    let plan = SamplingPlan { largest_value: v_max, ..SamplingPlan::uniform(&lighting) };
+    let samples = Samples { sampler: SamplerKind::Sobol, seed: 3, first: 0, count: 64 };
+    let picture = Subject { view, lighting, plan }.render(&Integrator::default(), samples);
     let l = LuminanceMode::Srgb.encode_image(&picture.rgb, 1.0);
-    let mask = aov::trace(&scene).mask;
+    let mask = aov::trace(view, v_min).mask;
     let mean = |main: bool| {
         let of: Vec<f64> = l.iter().zip(&mask).filter(|(_, m)| **m == main).map(|(l, _)| *l).collect();
         of.iter().sum::<f64>() / of.len() as f64

@@ -22,22 +22,20 @@ const N: u32 = 1 << 18;
 const EXTENT: f32 = 1.4;
 const CONE: Cone = Cone { cos_inner: 0.9, cos_outer: 0.6 };
 
-fn grown(mut light: Light) -> Light {
-    light.size_density = SizeDensity::uniform_area(EXTENT);
-    light
+/// Density of the sizes of lights that are sampled up to [`EXTENT`].
+fn up_to_extent() -> SizeDensity {
+    SizeDensity::uniform_area(EXTENT)
 }
 
-/// Lights with a size, sampled up to [`EXTENT`].
+/// Lights with a size.
 fn lights() -> Vec<Light> {
     let (center, normal) = (Vec3::new(0.3, 2.0, -0.4), Vec3::new(0.3, -1.0, 0.2));
-    [
+    vec![
         rectangle("rectangle", center, normal, 0.5, 0.2),
         disk("disk", center, normal, 0.4, None),
         disk("spot", center, normal, 0.4, Some(CONE)),
         sphere_light("sphere", center, 0.5),
     ]
-    .map(grown)
-    .into()
 }
 
 /// Points that see the lights: in front, aside, close, far and at a grazing angle.
@@ -140,16 +138,16 @@ impl Map<'_> {
 /// p value of `sample_li` against the density of the point that the ray
 /// crosses, times `mutation` of its size coordinate and direction.
 fn p_value(light: &Light, reference: Vec3, seed: u64, mutation: impl Fn(f32, Vec3) -> f32) -> f64 {
-    let map = Map { light, reference };
+    let (map, q) = (Map { light, reference }, up_to_extent());
     let mut random = Random::new(&[11, seed]);
-    let sample = |r: &mut Random| light.sample_li(reference, r.next_2d()).map(|s| map.locate(s.wi));
+    let sample = |r: &mut Random| light.sample_li(&q, reference, r.next_2d()).map(|s| map.locate(s.wi));
     let pilot: Vec<_> = (0..1 << 13).filter_map(|_| sample(&mut random)).collect();
     let partition = Partition::new(UNIT, &pilot, 8, &[]);
     let probabilities: Vec<f64> = partition
         .integrals(&|x| {
             let (wi, measure) = map.direction(x);
-            [light.crossing(reference, wi, f32::INFINITY).map_or(0.0, |c| {
-                f64::from(light.pdf_li(reference, &c.at).0 * mutation(c.at.rho, wi)) * measure
+            [light.crossing(reference, wi, f32::INFINITY, EXTENT).map_or(0.0, |c| {
+                f64::from(light.pdf_li(&q, reference, &c.at).0 * mutation(c.at.rho, wi)) * measure
             })]
         })
         .iter()
@@ -200,13 +198,14 @@ fn wrong_light_densities_are_rejected() {
 fn a_sampled_light_point_is_the_one_that_its_ray_meets() {
     for light in lights() {
         for reference in references() {
+            let q = up_to_extent();
             let mut random = Random::new(&[12]);
             let mut n = 0;
             for _ in 0..20_000 {
-                let Some(s) = light.sample_li(reference, random.next_2d()) else { continue };
+                let Some(s) = light.sample_li(&q, reference, random.next_2d()) else { continue };
                 n += 1;
                 let what = format!("{} from {reference}: {s:?}", light.name);
-                let Some(c) = light.crossing(reference, s.wi, f32::INFINITY) else {
+                let Some(c) = light.crossing(reference, s.wi, f32::INFINITY, EXTENT) else {
                     // Only the rim can be lost to rounding.
                     assert!(s.at.rho > EXTENT * (1.0 - 1e-5) || s.radiance.x < 1e-4, "{what}");
                     continue;
@@ -221,12 +220,16 @@ fn a_sampled_light_point_is_the_one_that_its_ray_meets() {
                 assert!((c.at.rho - s.at.rho).abs() < 10.0 * error, "{what} {c:?}");
                 assert!((c.at.n - s.at.n).length() < 10.0 * error, "{what} {c:?}");
                 assert!((c.radiance - s.radiance).abs().max_element() < 1e-5, "{what} {c:?}");
-                let pdf = light.pdf_li(reference, &c.at).0;
+                let pdf = light.pdf_li(&q, reference, &c.at).0;
                 assert!((pdf / s.pdf.0 - 1.0).abs() < 10.0 * error / cos, "{what} {c:?} {pdf}");
                 // Beyond or behind the light there is nothing to meet.
-                assert!(light.crossing(reference, s.wi, 0.99 * distance).is_none());
-                assert!(light.crossing(reference, -s.wi, f32::INFINITY).is_none());
-                assert!(light.crossing(s.at.p + s.wi * (0.01 + 2.0 * EXTENT), s.wi, f32::INFINITY).is_none());
+                assert!(light.crossing(reference, s.wi, 0.99 * distance, EXTENT).is_none());
+                assert!(light.crossing(reference, -s.wi, f32::INFINITY, EXTENT).is_none());
+                assert!(
+                    light
+                        .crossing(s.at.p + s.wi * (0.01 + 2.0 * EXTENT), s.wi, f32::INFINITY, EXTENT)
+                        .is_none()
+                );
             }
             assert!(n > 5_000 || light.name == "spot", "{}", light.name);
         }
@@ -236,9 +239,10 @@ fn a_sampled_light_point_is_the_one_that_its_ray_meets() {
 #[test]
 fn back_sides_emit_nothing() {
     for light in lights() {
+        let q = up_to_extent();
         let mut random = Random::new(&[13]);
         for _ in 0..20_000 {
-            let e = light.sample_le(random.next_2d(), random.next_2d());
+            let e = light.sample_le(&q, random.next_2d(), random.next_2d());
             assert!(e.is_none_or(|e| e.dir.dot(e.at.n) > 0.0 && e.radiance.x > 0.0));
             let behind = match &light.shape {
                 Shape::Planar(s) => {
@@ -250,8 +254,8 @@ fn back_sides_emit_nothing() {
                 }
                 _ => unreachable!(),
             };
-            assert!(light.sample_li(behind, random.next_2d()).is_none(), "{} {behind}", light.name);
-            assert!(light.crossing(behind, random.direction(), f32::INFINITY).is_none());
+            assert!(light.sample_li(&q, behind, random.next_2d()).is_none(), "{} {behind}", light.name);
+            assert!(light.crossing(behind, random.direction(), f32::INFINITY, EXTENT).is_none());
         }
     }
 }
@@ -286,17 +290,18 @@ const SIZES: [f32; 4] = [0.2, 0.7, 1.0, EXTENT];
 fn emitted_samples_carry_the_power_of_every_size() {
     let mut all = Vec::new();
     let mut lights = lights();
-    lights.push(grown(light("point", Shape::Point(Point::isotropic(Vec3::ONE)))));
+    lights.push(light("point", Shape::Point(Point::isotropic(Vec3::ONE))));
     let hard = Cone { cos_inner: 0.8, cos_outer: 0.8 };
-    lights.push(grown(disk("hard spot", Vec3::ZERO, Vec3::Z, 0.3, Some(hard))));
+    lights.push(disk("hard spot", Vec3::ZERO, Vec3::Z, 0.3, Some(hard)));
     for light in &mut lights {
         light.color = Vec3::new(1.2, 0.9, 1.0);
+        let q = up_to_extent();
         let mut random = Random::new(&[14]);
         let mut by_size = SIZES.map(|_| Moments::default());
         for _ in 0..N {
-            let e = light.sample_le(random.next_2d(), random.next_2d());
+            let e = light.sample_le(&q, random.next_2d(), random.next_2d());
             if let Some(e) = &e {
-                let (pos, dir) = light.pdf_le(&e.at, e.dir);
+                let (pos, dir) = light.pdf_le(&q, &e.at, e.dir);
                 assert!((pos.0 / e.pdf_pos.0 - 1.0).abs() < 1e-5, "{}: {e:?}", light.name);
                 // At the horizon the cosine, a square root, has the root of its rounding.
                 let error = (dir.0 - e.pdf_dir.0).abs() / e.pdf_dir.0;
@@ -339,11 +344,12 @@ fn profile(cos: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Irradiance at a point with a normal from the part ρ ≤ s of a light.
-fn irradiance(light: &Light, p: Vec3, n: Vec3, s: f32, random: &mut Random, count: u32) -> Moments {
+/// Irradiance at a point with a normal from the part ρ ≤ s of a light that is sampled up to `extent`.
+fn irradiance(light: &Light, extent: f32, p: Vec3, n: Vec3, s: f32, random: &mut Random) -> Moments {
+    let q = SizeDensity::uniform_area(extent);
     let mut m = Moments::default();
-    for _ in 0..count {
-        let sample = light.sample_li(p, random.next_2d()).filter(|l| l.at.rho <= s);
+    for _ in 0..N / 4 {
+        let sample = light.sample_li(&q, p, random.next_2d()).filter(|l| l.at.rho <= s);
         m.push(sample.map_or(0.0, |l| f64::from(luminance(l.radiance) * l.wi.dot(n).max(0.0) / l.pdf.0)));
     }
     m
@@ -385,8 +391,7 @@ fn parts_of_a_large_light_are_the_small_light() {
             for (light, form_factor) in cases {
                 // From the large light, and from one that is sampled at this size.
                 for extent in [EXTENT, s] {
-                    let light = Light { size_density: SizeDensity::uniform_area(extent), ..light.clone() };
-                    let measured = irradiance(&light, Vec3::ZERO, Vec3::Y, s, &mut random, N / 4);
+                    let measured = irradiance(&light, extent, Vec3::ZERO, Vec3::Y, s, &mut random);
                     let what = format!("irradiance of {} {s} of {extent} at {d}", light.name);
                     all.push(Expectation { what, expected: PI * form_factor, measured });
                 }
@@ -405,9 +410,8 @@ fn parts_of_a_large_light_are_the_small_light_from_aside() {
         for reference in &references()[..3] {
             let n = Vec3::new(-0.2, 1.0, 0.1).normalize();
             for s in SIZES {
-                let part = irradiance(&light, *reference, n, s, &mut random, N / 4);
-                let small = Light { size_density: SizeDensity::uniform_area(s), ..light.clone() };
-                let small = irradiance(&small, *reference, n, s, &mut random, N / 4);
+                let part = irradiance(&light, EXTENT, *reference, n, s, &mut random);
+                let small = irradiance(&light, s, *reference, n, s, &mut random);
                 let sd = (part.variance_of_mean() + small.variance_of_mean()).sqrt();
                 all.push((format!("{} {s} from {reference}", light.name), part.mean(), small.mean(), sd));
             }
@@ -425,6 +429,7 @@ fn far_away_only_the_power_counts() {
     // A sphere and a point are alike from all around; a disk has four times the mean
     // intensity along its axis, 4 cos θ in all, and a rectangle the same.
     let mut all = Vec::new();
+    let q = SizeDensity::uniform_area(1.0);
     let mut random = Random::new(&[17]);
     let distance = 400.0;
     let expected = 1.0 / (4.0 * PI * f64::from(distance).powi(2)) * 1e6;
@@ -441,7 +446,7 @@ fn far_away_only_the_power_counts() {
         };
         let irradiance_at = |p: Vec3, random: &mut Random| {
             light
-                .sample_li(p, random.next_2d())
+                .sample_li(&q, p, random.next_2d())
                 .map_or(0.0, |l| scale * f64::from(l.radiance.x * l.wi.dot(-p.normalize()) / l.pdf.0))
         };
         for w in [Vec3::Z, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, -0.99, 0.1).normalize()] {
@@ -499,10 +504,11 @@ fn emitted_directions_follow_their_density() {
     lights.push(light("point", Shape::Point(Point::isotropic(Vec3::ONE))));
     let level = sidak_level(0.01, lights.len());
     for light in &lights {
+        let q = up_to_extent();
         let mut random = Random::new(&[19]);
         // Fixed place of emission: only the direction varies.
         let u = Vec2::new(0.3, 0.6);
-        let e = light.sample_le(u, Vec2::new(0.5, 0.5)).unwrap();
+        let e = light.sample_le(&q, u, Vec2::new(0.5, 0.5)).unwrap();
         let n = match &light.shape {
             Shape::Point(_) => glam::DVec3::Z,
             _ => e.at.n.as_dvec3(),
@@ -513,7 +519,7 @@ fn emitted_directions_follow_their_density() {
             [w.dot(n), w.dot(t).atan2(w.dot(s))]
         };
         let domain = Rect { lo: [-1.0, -PI], hi: [1.0, PI] };
-        let sample = |r: &mut Random| light.sample_le(u, r.next_2d()).map(|e| locate(e.dir));
+        let sample = |r: &mut Random| light.sample_le(&q, u, r.next_2d()).map(|e| locate(e.dir));
         let pilot: Vec<_> = (0..1 << 13).filter_map(|_| sample(&mut random)).collect();
         let partition = Partition::new(domain, &pilot, 8, &[(0, 0.0)]);
         let probabilities: Vec<f64> = partition
@@ -524,7 +530,7 @@ fn emitted_directions_follow_their_density() {
                     Shape::Sphere(_) => EXTENT * sin as f32,
                     _ => e.at.rho,
                 };
-                [f64::from(light.pdf_le(&LightPoint { rho, ..e.at }, dir).1.0)]
+                [f64::from(light.pdf_le(&q, &LightPoint { rho, ..e.at }, dir).1.0)]
             })
             .iter()
             .map(|c| c[0])

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use glam::UVec2;
 use lightopt_embree::{
     film::exr::read_exr,
+    import,
     integrator::{Integrator, IntegratorKind},
     math::stats::{Moments, sidak_z},
     sampler::SamplerKind,
-    scene::{self, Scene},
+    scene::Scene,
 };
 
-use crate::support::compare::{Comparison, Measured, compare, measure, write_failure};
+use crate::support::compare::{Comparison, Measured, Subject, compare, write_failure};
 
 /// Independent renders of each picture.
 const N_RENDERS: u32 = 12;
@@ -54,8 +55,8 @@ fn reference(name: &str) -> (Measured, u64) {
 
 /// The scene at the size of the references.
 fn load(name: &str) -> Scene {
-    let mut scene = scene::load(&directory().join(format!("scenes/{name}.obj"))).unwrap();
-    scene.camera.resize(UVec2::new(32, 24));
+    let mut scene = import::load(&directory().join(format!("scenes/{name}.obj"))).unwrap().scene;
+    scene.camera = scene.camera.resized(UVec2::new(32, 24));
     scene
 }
 
@@ -64,9 +65,9 @@ fn agree(c: &Comparison) -> bool {
     c.worst <= c.threshold && difference.abs() <= MAX_MEAN_DIFFERENCE + 3.0 * error
 }
 
-fn rendered(scene: &Scene, kind: IntegratorKind, spp: u32) -> Measured {
+fn rendered(subject: &Subject, kind: IntegratorKind, spp: u32) -> Measured {
     let integrator = Integrator { kind, ..Integrator::default() };
-    measure(scene, &integrator, SamplerKind::Sobol, 41, N_RENDERS, spp)
+    subject.measure(&integrator, SamplerKind::Sobol, 41, N_RENDERS, spp)
 }
 
 /// Our picture against the reference.
@@ -87,7 +88,7 @@ fn judge(name: &str, ours: &mut Measured, spp: u32) -> (Comparison, Measured) {
 }
 
 fn check(name: &str, kind: IntegratorKind, spp: u32) {
-    let mut ours = rendered(&load(name), kind, spp);
+    let mut ours = rendered(&Subject::new(&load(name)), kind, spp);
     let (c, reference) = judge(name, &mut ours, spp);
     let label = format!("mitsuba-{name}-{kind:?}").to_lowercase();
     println!(
@@ -155,8 +156,8 @@ fn every_reference_is_compared() {
 #[test]
 fn a_scene_that_is_not_quite_the_same_is_rejected() {
     const SPP: u32 = 16;
-    let judged = |scene: &Scene| {
-        let mut ours = rendered(scene, IntegratorKind::Bdpt, SPP);
+    let judged = |subject: &Subject| {
+        let mut ours = rendered(subject, IntegratorKind::Bdpt, SPP);
         let (c, reference) = judge("cornell", &mut ours, SPP);
         println!(
             "worst z {:.2}, means {:+.3} % ± {:.3} %",
@@ -166,16 +167,17 @@ fn a_scene_that_is_not_quite_the_same_is_rejected() {
         );
         (agree(&c), ours.total.mean() / reference.total.mean())
     };
-    let mut scene = load("cornell");
-    scene.lights[0].radiance *= 1.02;
-    assert!(!judged(&scene).0, "a light 2 % too bright passes");
+    let scene = load("cornell");
+    let mut subject = Subject::new(&scene);
+    subject.lighting.radiance[0] *= 1.02;
+    assert!(!judged(&subject).0, "a light 2 % too bright passes");
 
     // The red wall darker by a fifth, and the light brighter to make up for it on the whole.
-    let mut scene = load("cornell");
     let red = scene.materials.iter().position(|m| m.name == "red").unwrap();
-    scene.set_background(vec![red]);
-    scene.set_background_value(0.8, 1.0);
-    let brightness = judged(&scene).1;
-    scene.lights[0].radiance /= brightness as f32;
-    assert!(!judged(&scene).0, "a wall that is too dark passes");
+    let scene = scene.with_background(vec![red]);
+    let mut subject = Subject::new(&scene);
+    subject.lighting.value = 0.8;
+    let brightness = judged(&subject).1;
+    subject.lighting.radiance[0] /= brightness;
+    assert!(!judged(&subject).0, "a wall that is too dark passes");
 }

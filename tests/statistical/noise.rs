@@ -2,15 +2,19 @@
 
 use glam::Vec3;
 use lightopt_embree::{
-    design::{Camera, evaluator::Evaluator},
-    integrator::{Integrator, IntegratorKind, aov},
+    design::{
+        evaluator::Evaluator,
+        render::{Budget, Renderer},
+    },
+    integrator::{Integrator, IntegratorKind, View, aov},
     light::SizeDensity,
+    lighting::{Lighting, SamplingPlan},
     math::stats::Moments,
     objective::{JackknifeEstimate, LABELLINGS, LuminanceMode, Objective, Target},
-    params::{ParamVector, Scale, Variable, VariableKind},
     sampler::SamplerKind,
     scene::{Scene, material::Model},
-    transport::{Knots, Layout, LightingPoint, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    variables::{ParamVector, Scale, Variable, VariableKind},
 };
 
 use crate::support::scenes;
@@ -32,50 +36,53 @@ fn scene() -> Scene {
     ];
     let mut scene = Scene::new("ball", s.mesh, m, lights, scenes::room_camera((24, 18))).unwrap();
     scene.is_main = (0..scene.is_main.len()).map(|i| i >= room).collect();
-    scene.set_background(vec![0, 1, 2]);
-    scene
+    scene.with_background(vec![0, 1, 2])
 }
 
 fn integrator() -> Integrator {
     Integrator { kind: IntegratorKind::Path, max_depth: 5, ..Integrator::default() }
 }
 
-fn lighting() -> LightingPoint {
-    LightingPoint { radiance: vec![6.0, 20.0], size: vec![0.4, 0.25], value: 0.7 }
+fn view(scene: &Scene) -> View<'_> {
+    View { scene, camera: &scene.camera }
+}
+
+fn lighting() -> Lighting {
+    Lighting { radiance: vec![6.0, 20.0], size: vec![0.4, 0.25], value: 0.7, exposure: 1.0 }
 }
 
 fn objective(scene: &Scene) -> Objective {
-    let aovs = aov::trace(scene);
+    let aovs = aov::trace(view(scene), 1.0);
     let target = Target::resolve("high-key").unwrap();
     Objective::new(&target, aovs.width, aovs.height, &aovs.mask).unwrap()
 }
 
 /// A rendered basis of the scene with fine knots around the lighting.
-fn basis(scene: &mut Scene, seed: u64, spp: u32) -> TransportBasis {
+fn basis(scene: &Scene, seed: u64, spp: u32) -> TransportBasis {
     let x = lighting();
-    let bins = scene.lights.iter_mut().zip(&x.size).map(|(light, &at)| {
-        light.size_density = SizeDensity::any_size(SIZES);
-        SizeBins::Free(Knots::around(f64::from(SIZES[0]), f64::from(SIZES[1]), &[at], 0.1, 20))
-    });
-    let bins = bins.collect();
-    scene.set_background_value(LARGEST_VALUE, LARGEST_VALUE);
+    let knots = |&at: &f64| Knots::around(f64::from(SIZES[0]), f64::from(SIZES[1]), &[at], 0.1, 20);
+    let bins = x.size.iter().map(|at| SizeBins::Free(knots(at))).collect();
+    let plan = SamplingPlan {
+        sizes: x.size.iter().map(|_| SizeDensity::any_size(SIZES)).collect(),
+        largest_value: LARGEST_VALUE,
+        ..SamplingPlan::uniform(&x)
+    };
     let nodes = ValueNodes::new(f64::from(LARGEST_VALUE), 5);
     let mut basis = TransportBasis::new(Layout::new(scene.camera.size(), bins, nodes), REPLICATES as usize);
-    let source = Source { scene, integrator: &integrator(), sampler: SamplerKind::Sobol, seed };
+    let integrator = integrator();
+    let sampler = SamplerKind::Sobol;
+    let source = Source { view: view(scene), plan: &plan, integrator: &integrator, sampler, seed };
     basis.render(source, spp / REPLICATES, &()).unwrap();
     basis
 }
 
 /// f_q of ordinary renders of a lighting, their error far below those asked about.
-fn truth(scene: &mut Scene, x: &LightingPoint, objective: &Objective, spp: u32) -> f64 {
-    for (i, (&radiance, &size)) in x.radiance.iter().zip(&x.size).enumerate() {
-        scene.set_light(i, radiance as f32, size as f32);
-    }
-    scene.set_background_value(x.value as f32, x.value as f32);
-    let camera =
-        Camera { integrator: integrator(), sampler: SamplerKind::Sobol, luminance: LuminanceMode::Srgb };
-    let shot = camera.shoot(scene, 987, spp, 8, &()).unwrap();
-    shot.measure(objective).unwrap().estimate.evaluation.f_q
+fn truth(scene: &Scene, x: &Lighting, objective: &Objective, spp: u32) -> f64 {
+    let renderer =
+        Renderer { integrator: integrator(), sampler: SamplerKind::Sobol, luminance: LuminanceMode::Srgb };
+    let budget = Budget { seed: 987, spp, n_replicates: 8 };
+    let picture = renderer.render(view(scene), x, &SamplingPlan::uniform(x), budget, &()).unwrap();
+    picture.measure(objective).unwrap().estimate.evaluation.f_q
 }
 
 /// f_q at `u` of a basis.
@@ -89,7 +96,6 @@ fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &
         variables: v,
         fixed: &fixed,
         luminance,
-        exposure: 1.0,
         least_sizes: &[],
     };
     evaluator.estimate(u, LABELLINGS).unwrap()
@@ -98,15 +104,15 @@ fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &
 #[test]
 #[ignore = "takes a minute"]
 fn the_error_bar_covers_the_truth_and_the_bias_is_gone() {
-    let mut scene = scene();
+    let scene = scene();
     let objective = objective(&scene);
-    let truth = truth(&mut scene, &lighting(), &objective, 4 * 4096);
+    let truth = truth(&scene, &lighting(), &objective, 4 * 4096);
     let nothing = ParamVector { variables: Vec::new() };
     for spp in [16, 64] {
         let (mut found, mut naive, mut covered) = (Moments::default(), Moments::default(), 0);
         let mut told = Moments::default();
         for seed in 0..N_SEEDS {
-            let e = estimate(&basis(&mut scene, seed, spp), &objective, &nothing, &[]);
+            let e = estimate(&basis(&scene, seed, spp), &objective, &nothing, &[]);
             found.push(e.evaluation.f_q - truth);
             told.push(e.standard_error.powi(2));
             naive.push(e.naive - truth);
@@ -134,36 +140,36 @@ fn the_error_bar_covers_the_truth_and_the_bias_is_gone() {
 #[test]
 #[ignore = "takes a minute"]
 fn a_check_at_an_optimum_tells_the_truth() {
-    let mut scene = scene();
+    let scene = scene();
     let objective = objective(&scene);
-    let variable = |name: &str, upper: f64, kind| Variable {
+    let variable = |name: &str, upper: f64, kind: &str, light: usize| Variable {
         name: name.into(),
         unit: "",
         lower: 0.0,
         upper,
         initial: 1.0,
         scale: Scale::Linear,
-        kind,
+        kind: VariableKind::named(kind).unwrap(),
+        light,
     };
     let variables = ParamVector {
         variables: vec![
-            variable("panel", 16.0, VariableKind::Radiance(0)),
-            variable("bulb", 40.0, VariableKind::Radiance(1)),
-            variable("value", f64::from(LARGEST_VALUE), VariableKind::Background),
+            variable("panel", 16.0, "radiance", 0),
+            variable("bulb", 40.0, "radiance", 1),
+            variable("value", f64::from(LARGEST_VALUE), "background", 0),
         ],
     };
     let points: Vec<Vec<f64>> =
         (0..600).map(|i| (0..3).map(|d| f64::from(sobol_burley::sample(i, d, 5))).collect()).collect();
     let (mut optimism, mut of_check) = (Moments::default(), Moments::default());
     for seed in 0..40 {
-        let few = basis(&mut scene, seed, 2 * REPLICATES);
+        let few = basis(&scene, seed, 2 * REPLICATES);
         let f = |u: &Vec<f64>| estimate(&few, &objective, &variables, u).evaluation.f_q;
         let (least, u) = points.iter().map(|u| (f(u), u)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
         // Other samples at the point found.
-        let fresh = basis(&mut scene, seed + 1000, 64);
+        let fresh = basis(&scene, seed + 1000, 64);
         let check = estimate(&fresh, &objective, &variables, u).evaluation.f_q;
-        let truth =
-            truth(&mut scene, &variables.lighting(lighting(), &variables.decode(u)), &objective, 1024);
+        let truth = truth(&scene, &variables.lighting(lighting(), &variables.decode(u)), &objective, 1024);
         optimism.push(check - least);
         of_check.push(check - truth);
     }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
-    light::{Cone, Distant, Environment, Light, LightPoint, Point, Shape, Surroundings},
+    light::{Cone, Distant, Environment, Light, LightPoint, Point, Shape, SizeDensity, Surroundings},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -22,6 +22,11 @@ const N: u32 = 1 << 18;
 const COLUMNS: usize = 32;
 const ROWS: usize = 16;
 
+/// Density of the sizes of lights that are sampled at their unit size.
+fn unit_size() -> SizeDensity {
+    SizeDensity::uniform_area(1.0)
+}
+
 fn surroundings() -> Environment {
     let scene = Surroundings { center: Vec3::new(0.3, 1.0, 0.0), radius: 2.0, far: 9.0 };
     Environment { map: Some(sky()), rotation: 0.0, scene }
@@ -37,12 +42,13 @@ fn direction(u: f64, v: f64) -> Vec3 {
 /// p value of the directions sampled toward the surroundings against their
 /// density times `mutation` of its height.
 fn p_value(light: &Light, mutation: impl Fn(f32) -> f64) -> f64 {
+    let q = unit_size();
     let mut random = Random::new(&[31]);
     let mut counts = Counts { cells: vec![0; COLUMNS * ROWS], absorbed: 0 };
     let cell = |x: f64, n: usize| ((x * n as f64) as usize).min(n - 1);
     for _ in 0..N {
         // None at the very pole, where rounding leaves no sine.
-        let Some(s) = light.sample_li(Vec3::ZERO, random.next_2d()) else {
+        let Some(s) = light.sample_li(&q, Vec3::ZERO, random.next_2d()) else {
             counts.absorbed += 1;
             continue;
         };
@@ -59,7 +65,7 @@ fn p_value(light: &Light, mutation: impl Fn(f32) -> f64) -> f64 {
                 let v = (y as f64 + (k as f64 + 0.5) / n_fine as f64) / ROWS as f64;
                 let wi = direction((x as f64 + 0.5) / COLUMNS as f64, v);
                 let at = LightPoint { p: wi, n: -wi, rho: 0.0, element: 0 };
-                f64::from(light.pdf_li(Vec3::ZERO, &at).0) * mutation(wi.y) * (PI * v).sin()
+                f64::from(light.pdf_li(&q, Vec3::ZERO, &at).0) * mutation(wi.y) * (PI * v).sin()
             };
             (0..n_fine).map(strip).sum::<f64>() * 2.0 * PI * PI / (COLUMNS * ROWS * n_fine) as f64
         })
@@ -84,16 +90,17 @@ fn directions_toward_the_surroundings_follow_their_density() {
 
 #[test]
 fn surroundings_are_seen_where_they_are_sampled_whatever_their_turn() {
+    let q = unit_size();
     let mut random = Random::new(&[32]);
     for rotation in [0.0, 1.0, -2.5] {
         let l = light("sky", Shape::Environment(Environment { rotation, ..surroundings() }));
         for _ in 0..2000 {
-            let Some(s) = l.sample_li(Vec3::ONE, random.next_2d()) else { continue };
-            let c = l.crossing(Vec3::ONE, s.wi, f32::INFINITY).unwrap();
+            let Some(s) = l.sample_li(&q, Vec3::ONE, random.next_2d()) else { continue };
+            let c = l.crossing(Vec3::ONE, s.wi, f32::INFINITY, 1.0).unwrap();
             assert!((c.radiance - s.radiance).length() < 1e-4 * s.radiance.length());
-            let pdf = l.pdf_li(Vec3::ONE, &c.at).0;
+            let pdf = l.pdf_li(&q, Vec3::ONE, &c.at).0;
             assert!((pdf / s.pdf.0 - 1.0).abs() < 1e-4);
-            assert!(l.crossing(Vec3::ONE, s.wi, 1e9).is_none(), "a surface hides the sky");
+            assert!(l.crossing(Vec3::ONE, s.wi, 1e9, 1.0).is_none(), "a surface hides the sky");
         }
     }
     // A turn of +90° about +y carries what was seen toward +x to −z.
@@ -136,13 +143,14 @@ fn emitted_samples_carry_the_power() {
     let disk = PI * 4.0;
     let expected = [sky * disk, 4.0 * PI * disk, disk, 2.0 * PI * (1.0 - 0.75), PI * 0.4, 2.0 * PI * 0.4];
     let threshold = sidak_z(0.01, lights.len());
+    let q = unit_size();
     for (light, expected) in lights.iter().zip(expected) {
         let mut random = Random::new(&[33]);
         let mut m = Moments::default();
         for _ in 0..N {
-            let e = light.sample_le(random.next_2d(), random.next_2d());
+            let e = light.sample_le(&q, random.next_2d(), random.next_2d());
             m.push(e.map_or(0.0, |e| {
-                let (pos, dir) = light.pdf_le(&e.at, e.dir);
+                let (pos, dir) = light.pdf_le(&q, &e.at, e.dir);
                 assert!((pos.0 / e.pdf_pos.0 - 1.0).abs() < 1e-4, "{}: {e:?} {pos:?}", light.name);
                 assert!((dir.0 / e.pdf_dir.0 - 1.0).abs() < 1e-4, "{}: {e:?} {dir:?}", light.name);
                 let cos = if light.is_delta() { 1.0 } else { e.at.n.dot(e.dir) };
@@ -159,6 +167,7 @@ fn emitted_samples_carry_the_power() {
 
 #[test]
 fn a_shining_quad_lights_a_point_as_a_rectangle_does() {
+    let q = unit_size();
     let mut random = Random::new(&[34]);
     let references = [Vec3::new(0.2, 0.0, 0.1), Vec3::new(1.5, 0.4, -0.7), Vec3::new(0.1, 0.9, 0.0)];
     let threshold = sidak_z(0.01, references.len());
@@ -166,7 +175,7 @@ fn a_shining_quad_lights_a_point_as_a_rectangle_does() {
         let irradiance = |light: &Light, random: &mut Random| {
             let mut m = Moments::default();
             for _ in 0..N {
-                let l = light.sample_li(p, random.next_2d());
+                let l = light.sample_li(&q, p, random.next_2d());
                 m.push(l.map_or(0.0, |l| f64::from(l.radiance.x * l.wi.y.max(0.0) / l.pdf.0)));
             }
             m
@@ -178,8 +187,8 @@ fn a_shining_quad_lights_a_point_as_a_rectangle_does() {
         assert!(z.abs() < threshold);
         // From behind: only the light of two sides is seen.
         let behind = Vec3::new(p.x, 2.0 - p.y, p.z);
-        assert!(mesh.sample_li(behind, Vec2::new(0.3, 0.4)).is_none());
-        assert!(panel(true).0.sample_li(behind, Vec2::new(0.3, 0.4)).is_some());
+        assert!(mesh.sample_li(&q, behind, Vec2::new(0.3, 0.4)).is_none());
+        assert!(panel(true).0.sample_li(&q, behind, Vec2::new(0.3, 0.4)).is_some());
     }
 }
 

@@ -1,9 +1,7 @@
 //! The two integrators against each other and against closed forms.
 
-use glam::UVec2;
 use lightopt_embree::{
-    film::Region,
-    integrator::{Heuristic, Integrator, IntegratorKind, Sampling},
+    integrator::{Heuristic, Integrator, IntegratorKind, Samples},
     light::{Distant, Shape, Surroundings},
     math::stats::sidak_z,
     sampler::SamplerKind,
@@ -11,18 +9,11 @@ use lightopt_embree::{
 };
 
 use crate::support::{
-    compare::{assert_same, compare, measure, render, render_region},
+    compare::{Subject, assert_same, compare, measure, render},
     scenes,
 };
 
-const PATH: Integrator = Integrator {
-    kind: IntegratorKind::Path,
-    max_depth: 8,
-    heuristic: Heuristic::Power,
-    first_light_samples: 6,
-    light_samples: 3,
-    camera_subpaths: 1,
-};
+const PATH: Integrator = Integrator { kind: IntegratorKind::Path, max_depth: 8, heuristic: Heuristic::Power };
 const BDPT: Integrator = Integrator { kind: IntegratorKind::Bdpt, ..PATH };
 
 #[test]
@@ -40,17 +31,17 @@ fn a_closed_furnace_gives_the_geometric_series() {
     }
 }
 
-fn path_equals_bdpt(scene: &Scene, bdpt: &Integrator, n: u32, spp: u32) {
+fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
     let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 4 * spp);
-    let bdpt = measure(scene, bdpt, SamplerKind::Sobol, 2, n, spp);
+    let subject = Subject::new(scene).with_camera_subpaths(camera_subpaths);
+    let bdpt = subject.measure(&BDPT, SamplerKind::Sobol, 2, n, spp);
     assert_same(&scene.name, &path, &bdpt);
 }
 
 #[test]
 fn path_equals_bdpt_in_every_scene() {
     for (i, make) in scenes::ALL.into_iter().enumerate() {
-        let bdpt = Integrator { camera_subpaths: if i % 2 == 0 { 1 } else { 4 }, ..BDPT };
-        path_equals_bdpt(&make((32, 32)), &bdpt, 24, 32);
+        path_equals_bdpt(&make((32, 32)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
     }
 }
 
@@ -60,9 +51,9 @@ fn path_equals_bdpt_in_every_scene_with_halton_sequences() {
     let n_scenes = scenes::ALL.len();
     for (i, make) in scenes::ALL.into_iter().enumerate() {
         let scene = make((24, 24));
-        let sparse = Integrator { camera_subpaths: if i % 2 == 0 { 4 } else { 1 }, ..BDPT };
+        let subject = Subject::new(&scene).with_camera_subpaths(if i % 2 == 0 { 4 } else { 1 });
         let path = measure(&scene, &PATH, SamplerKind::Halton, 3, 24, 192);
-        let bdpt = measure(&scene, &sparse, SamplerKind::Halton, 4, 24, 48);
+        let bdpt = subject.measure(&BDPT, SamplerKind::Halton, 4, 24, 48);
         let c = compare(&path, &bdpt);
         // At level 0.01 over all the scenes together.
         let threshold = sidak_z(0.01, n_scenes * (c.z.len() + 1));
@@ -111,7 +102,7 @@ fn parallel_light_gives_its_irradiance() {
 fn no_light_leaks_through_tilted_normals() {
     let scene = scenes::dark_box((32, 32));
     for integrator in [PATH, BDPT] {
-        let picture = render(&scene, &integrator, Sampling { count: 64, ..ONCE });
+        let picture = render(&scene, &integrator, Samples { count: 64, ..ONCE });
         assert!(picture.rgb.iter().all(|p| *p == [0.0; 3]), "{:?}", integrator.kind);
     }
 }
@@ -135,22 +126,7 @@ fn the_mean_does_not_depend_on_the_sample_count() {
     }
 }
 
-const ONCE: Sampling = Sampling { sampler: SamplerKind::Sobol, seed: 5, first: 0, count: 4 };
-
-#[test]
-fn a_crop_equals_the_crop_of_the_whole() {
-    let scene = scenes::glossy_floor((24, 20));
-    let region = Region { min: UVec2::new(5, 3), max: UVec2::new(17, 14) };
-    for integrator in [PATH, BDPT] {
-        let full = render(&scene, &integrator, ONCE);
-        let crop = render_region(&scene, &integrator, ONCE, region);
-        for y in 0..crop.height {
-            for x in 0..crop.width {
-                assert_eq!(crop.rgb[y * crop.width + x], full.rgb[(y + 3) * full.width + x + 5]);
-            }
-        }
-    }
-}
+const ONCE: Samples = Samples { sampler: SamplerKind::Sobol, seed: 5, first: 0, count: 4 };
 
 #[test]
 fn one_and_many_threads_give_the_same_bits() {

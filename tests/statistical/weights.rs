@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::UVec2;
 use lightopt_embree::{
     film::Contribution,
-    integrator::{Heuristic, Integrator, IntegratorKind, Strategy, Values, bdpt},
+    integrator::{Context, Heuristic, Integrator, IntegratorKind, Strategy, Values, bdpt},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -14,7 +14,7 @@ use lightopt_embree::{
     scene::Scene,
 };
 
-use crate::support::scenes;
+use crate::support::{compare::Subject, scenes};
 
 #[test]
 fn fast_weights_equal_the_reference_on_random_paths() {
@@ -22,7 +22,9 @@ fn fast_weights_equal_the_reference_on_random_paths() {
         for (heuristic, camera_subpaths) in
             [(Heuristic::Balance, 1), (Heuristic::Power, 1), (Heuristic::Power, 4)]
         {
-            let integrator = Integrator { heuristic, camera_subpaths, ..Integrator::default() };
+            let integrator = Integrator { heuristic, ..Integrator::default() };
+            let subject = Subject::new(&scene).with_camera_subpaths(camera_subpaths);
+            let context = Context::new(integrator, subject.view, Values([1.0]), &subject.plan);
             let mut sampler = Sampler::new(SamplerKind::Sobol, 11);
             let (n, mut worst) = (std::cell::Cell::new(0), 0.0_f64);
             let mut strategies = BTreeMap::new();
@@ -31,7 +33,7 @@ fn fast_weights_equal_the_reference_on_random_paths() {
             for i in (0..8 * 24 * 24).take_while(|i| *i < 24 * 24 || n.get() < 3_000) {
                 let pixel = UVec2::new(i % 24, i / 24 % 24);
                 sampler.start(pixel, 3 + i / (24 * 24));
-                for compared in bdpt::verify::compare_weights(&integrator, &scene, &mut sampler, pixel) {
+                for compared in bdpt::verify::compare_weights(&context, &mut sampler, pixel) {
                     if compared.shortest_edge < 0.02 {
                         n_short += 1;
                         continue;
@@ -77,13 +79,9 @@ fn unweighted(c: &Contribution, scene: &Scene) -> f64 {
 fn every_strategy_has_the_same_mean_per_path_length() {
     // A closed diffuse room around a lamp that every strategy can find, seen whole.
     let scene = strategy_scene();
-    let integrator = Integrator {
-        kind: IntegratorKind::Bdpt,
-        max_depth: 4,
-        heuristic: Heuristic::Power,
-        camera_subpaths: 3,
-        ..Integrator::default()
-    };
+    let integrator = Integrator { kind: IntegratorKind::Bdpt, max_depth: 4, heuristic: Heuristic::Power };
+    let subject = Subject::new(&scene).with_camera_subpaths(3);
+    let context = Context::new(integrator, subject.view, Values([1.0]), &subject.plan);
     let size = scene.camera.size();
     let n_renders = 48;
     let mut means: BTreeMap<Strategy, Moments> = BTreeMap::new();
@@ -99,16 +97,7 @@ fn every_strategy_has_the_same_mean_per_path_length() {
                     let mut recorder = |_: Option<glam::Vec2>, c: &Contribution| {
                         *sums.entry(c.strategy).or_default() += unweighted(c, &scene);
                     };
-                    bdpt::sample(
-                        &integrator,
-                        &scene,
-                        &Values([1.0]),
-                        &mut sampler,
-                        pixel,
-                        true,
-                        &mut workspace,
-                        &mut recorder,
-                    );
+                    bdpt::sample(&context, &mut sampler, pixel, &mut workspace, &mut recorder);
                 }
             }
         }

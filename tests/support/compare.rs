@@ -4,26 +4,81 @@ use std::{fs, path::PathBuf};
 
 use glam::UVec2;
 use lightopt_embree::{
-    film::{LightState, Picture, Region, RgbFilm},
-    integrator::{Integrator, Sampling},
+    film::{Picture, RgbFilm},
+    integrator::{Integrator, Samples, View},
+    lighting::{Lighting, SampleCounts, SamplingPlan},
     math::stats::{Moments, normal_deviate, sidak_z},
     sampler::SamplerKind,
     scene::Scene,
 };
 
-pub fn states(scene: &Scene) -> Vec<LightState> {
-    scene.lights.iter().map(|l| LightState { radiance: l.radiance, size: l.size }).collect()
+/// The author's view of a scene in a lighting, and where its samples go.
+#[derive(Clone)]
+pub struct Subject<'a> {
+    pub view: View<'a>,
+    pub lighting: Lighting,
+    pub plan: SamplingPlan,
 }
 
-pub fn render_region(scene: &Scene, integrator: &Integrator, sampling: Sampling, region: Region) -> Picture {
-    let mut film = RgbFilm::new(region, &states(scene), scene.exposure);
-    integrator.render(scene, &mut film, sampling, &()).unwrap();
-    let radiance: Vec<f32> = scene.lights.iter().map(|l| l.radiance).collect();
-    film.develop(&radiance, sampling.count)
+impl<'a> Subject<'a> {
+    /// A scene as its author lit it.
+    pub fn new(scene: &'a Scene) -> Self {
+        Self::lit(scene, Lighting::authored(scene))
+    }
+
+    /// A scene in a lighting, its lights sampled alike.
+    pub fn lit(scene: &'a Scene, lighting: Lighting) -> Self {
+        let plan = SamplingPlan::uniform(&lighting);
+        Self { view: View { scene, camera: &scene.camera }, lighting, plan }
+    }
+
+    /// The same with one light subpath for so many camera subpaths.
+    pub fn with_camera_subpaths(mut self, camera_subpaths: u32) -> Self {
+        self.plan.counts = SampleCounts { camera_subpaths, ..self.plan.counts };
+        self
+    }
+
+    pub fn render(&self, integrator: &Integrator, samples: Samples) -> Picture {
+        let Self { view, lighting, plan } = self;
+        let mut film = RgbFilm::by_light(view.camera.size(), lighting);
+        integrator.render(*view, lighting, plan, &mut film, samples, &()).unwrap();
+        film.develop(lighting, samples.count)
+    }
+
+    /// `n` independent renders of `spp` samples.
+    pub fn measure(
+        &self,
+        integrator: &Integrator,
+        sampler: SamplerKind,
+        seed: u64,
+        n: u32,
+        spp: u32,
+    ) -> Measured {
+        let size = self.view.camera.size();
+        let mut out = Measured {
+            size,
+            pixels: vec![[Moments::default(); 3]; size.element_product() as usize],
+            total: Moments::default(),
+        };
+        for i in 0..n {
+            let samples = Samples { sampler, seed: seed * 1_000_003 + u64::from(i), first: 0, count: spp };
+            let picture = self.render(integrator, samples);
+            let mut sum = 0.0;
+            for (m, rgb) in out.pixels.iter_mut().zip(&picture.rgb) {
+                for c in 0..3 {
+                    m[c].push(f64::from(rgb[c]));
+                    sum += f64::from(rgb[c]);
+                }
+            }
+            out.total.push(sum / (3.0 * picture.rgb.len() as f64));
+        }
+        out
+    }
 }
 
-pub fn render(scene: &Scene, integrator: &Integrator, sampling: Sampling) -> Picture {
-    render_region(scene, integrator, sampling, Region::full(scene.camera.size()))
+/// A render of a scene as its author lit it.
+pub fn render(scene: &Scene, integrator: &Integrator, samples: Samples) -> Picture {
+    Subject::new(scene).render(integrator, samples)
 }
 
 /// Per-pixel statistics over independent renders.
@@ -35,7 +90,7 @@ pub struct Measured {
     pub total: Moments,
 }
 
-/// `n` independent renders of `spp` samples.
+/// `n` independent renders of a scene as its author lit it, of `spp` samples.
 pub fn measure(
     scene: &Scene,
     integrator: &Integrator,
@@ -44,25 +99,7 @@ pub fn measure(
     n: u32,
     spp: u32,
 ) -> Measured {
-    let size = scene.camera.size();
-    let mut out = Measured {
-        size,
-        pixels: vec![[Moments::default(); 3]; size.element_product() as usize],
-        total: Moments::default(),
-    };
-    for i in 0..n {
-        let sampling = Sampling { sampler, seed: seed * 1_000_003 + u64::from(i), first: 0, count: spp };
-        let picture = render(scene, integrator, sampling);
-        let mut sum = 0.0;
-        for (m, rgb) in out.pixels.iter_mut().zip(&picture.rgb) {
-            for c in 0..3 {
-                m[c].push(f64::from(rgb[c]));
-                sum += f64::from(rgb[c]);
-            }
-        }
-        out.total.push(sum / (3.0 * picture.rgb.len() as f64));
-    }
-    out
+    Subject::new(scene).measure(integrator, sampler, seed, n, spp)
 }
 
 /// Degrees of freedom of a difference of means whose variance is `variance`,

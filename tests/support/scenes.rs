@@ -7,7 +7,7 @@ use lightopt_embree::{
     camera::{Camera, Lens},
     light::{
         Cone, Distant, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar, Point, RadianceMap,
-        Shape, SizeDensity, Sphere, Surroundings, look_frame,
+        Shape, Sphere, Surroundings, look_frame,
     },
     math::Rgb,
     scene::{
@@ -109,7 +109,6 @@ pub fn light(name: &str, shape: Shape) -> Light {
         color: Rgb::ONE,
         radiance: 1.0,
         size: 1.0,
-        size_density: SizeDensity::uniform_area(1.0),
         camera_visible: true,
         occludes: false,
     }

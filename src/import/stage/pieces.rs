@@ -254,7 +254,7 @@ fn components(mesh: &Mesh) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::backdrop::Sweep;
+    use crate::import::backdrop::Sweep;
 
     /// Appends a box, or a panel if an extent is 0.
     fn add(mesh: &mut Mesh, object: u32, lo: [f32; 3], hi: [f32; 3]) {
