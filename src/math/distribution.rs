@@ -58,8 +58,7 @@ impl Discrete {
         let last = self.cdf.len().checked_sub(1)?;
         let i = self.cdf.partition_point(|&c| c <= u).min(last);
         let below = i.checked_sub(1).map_or(0.0, |j| self.cdf[j]);
-        let width = (self.cdf[i] - below).max(f32::MIN_POSITIVE);
-        Some((i, ((u - below) / width).clamp(0.0, ONE_MINUS_EPSILON)))
+        Some((i, ((u - below) / self.pmf[i].max(f32::MIN_POSITIVE)).clamp(0.0, ONE_MINUS_EPSILON)))
     }
 }
 

@@ -83,9 +83,7 @@ fn a_second_run_into_one_directory_is_refused() {
     assert!(error.contains("a: another run is being recorded here"), "{error}");
     signal(&child, "-KILL");
     child.wait().unwrap();
-    let mut quick = run.clone();
-    quick[8] = "4";
-    quick.iter_mut().filter(|word| **word == "100000").for_each(|word| *word = "4");
+    let quick: Vec<&str> = run.iter().map(|word| if *word == "100000" { "4" } else { word }).collect();
     room.succeed(&quick);
 }
 
