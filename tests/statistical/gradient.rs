@@ -71,7 +71,7 @@ fn variables() -> ParamVector {
 /// inside where `u` lies on a bound. The step is so short that hardly a pixel meets white or the edge
 /// of a bin on the way, where f is differentiable once only.
 fn difference(f: &dyn Fn(&[f64]) -> f64, u: &[f64], i: usize) -> f64 {
-    const H: f64 = 1e-6;
+    const H: f64 = 1e-7;
     let at = |steps: f64| {
         let mut u = u.to_vec();
         u[i] += steps * H;
