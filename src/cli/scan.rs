@@ -116,18 +116,23 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
 fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> String {
     // Writing to a String does not fail.
     let mut text = format!("{name},f_q,f_q_error");
-    for term in Term::ALL {
+    for term in listed(rows) {
         let _ = write!(text, ",{0},f_{0}", term.name());
     }
     text.push('\n');
     for (x, e) in rows {
         let _ = write!(text, "{x},{},{}", e.evaluation.f_q, e.error_bar());
-        for t in &e.evaluation.terms {
+        for t in e.evaluation.terms() {
             let _ = write!(text, ",{},{}", t.value, t.f);
         }
         text.push('\n');
     }
     text
+}
+
+/// The terms that were measured.
+fn listed(rows: &[(f64, JackknifeEstimate)]) -> impl Iterator<Item = Term> {
+    rows.iter().take(1).flat_map(|(_, e)| e.evaluation.terms()).map(|t| t.term)
 }
 
 /// Size of the plot, pixels.
@@ -156,9 +161,9 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
             .map(|(x, e)| (*x, e.evaluation.f_q + e.error_bar()))
             .chain(rows.iter().rev().map(|(x, e)| (*x, (e.evaluation.f_q - e.error_bar()).max(0.0))));
         chart.draw_series(std::iter::once(Polygon::new(band.collect::<Vec<_>>(), BLACK.mix(0.15))))?;
-        for (k, term) in Term::ALL.into_iter().enumerate() {
+        for (k, term) in listed(rows).enumerate() {
             let color = Palette99::pick(k).to_rgba();
-            let line = rows.iter().map(|(x, e)| (*x, e.evaluation.get(term).contribution()));
+            let line = rows.iter().map(|(x, e)| (*x, e.evaluation[term].contribution()));
             chart
                 .draw_series(LineSeries::new(line, color.stroke_width(2)))?
                 .label(term.name())
