@@ -22,7 +22,6 @@ use crate::{
     audit::{STAGING, write_whole},
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
     import::{self, Loaded},
-    objective::Term,
     photo::Look,
     variables::{FreeKinds, VariableKind},
 };
@@ -278,7 +277,7 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
 /// What of each term the lights reach, the lights found among them.
 pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     let with_found = |reach: &Reach| {
-        let found = r.check.evaluation.get(reach.term);
+        let found = r.check.evaluation[reach.term];
         Reach {
             floor: reach.floor.min(found.f),
             least: reach.least.min(found.value),
@@ -329,8 +328,8 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         r.evaluations, r.renders, r.seconds, r.stop
     );
     let _ = writeln!(text, "{:<9} {:>8} {:>8} {:>8} {:>8}", "term", "start", "found", "target", "weight");
-    for (a, b) in r.initial.evaluation.terms.iter().zip(&r.check.evaluation.terms) {
-        let wanted = if b.term == Term::Hist { "0".to_owned() } else { format!("{:.3}", b.target) };
+    for (a, b) in r.initial.evaluation.terms().zip(r.check.evaluation.terms()) {
+        let wanted = if b.term.is_distance() { "0".to_owned() } else { format!("{:.3}", b.target) };
         let _ = writeln!(
             text,
             "{:<9} {:>8.3} {:>8.3} {wanted:>8} {:>8.2}",

@@ -113,12 +113,17 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
 /// The CSV: a header, then a line for each value of the variable.
 fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> Result<Vec<u8>, csv::Error> {
     let mut header = vec![name.to_owned(), "f_q".to_owned(), "f_q_error".to_owned()];
-    header.extend(Term::ALL.iter().flat_map(|t| [t.name().to_owned(), format!("f_{}", t.name())]));
+    header.extend(listed(rows).flat_map(|t| [t.name().to_owned(), format!("f_{}", t.name())]));
     let line = |(x, e): &(f64, JackknifeEstimate)| -> Vec<String> {
-        let terms = e.evaluation.terms.iter().flat_map(|t| [t.value, t.f]);
+        let terms = e.evaluation.terms().flat_map(|t| [t.value, t.f]);
         [*x, e.evaluation.f_q, e.error_bar()].into_iter().chain(terms).map(|v| v.to_string()).collect()
     };
     csv_file::encode(std::iter::once(header).chain(rows.iter().map(line)))
+}
+
+/// The terms that were measured.
+fn listed(rows: &[(f64, JackknifeEstimate)]) -> impl Iterator<Item = Term> {
+    rows.iter().take(1).flat_map(|(_, e)| e.evaluation.terms()).map(|t| t.term)
 }
 
 /// Size of the plot, pixels.
@@ -147,9 +152,9 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
             .map(|(x, e)| (*x, e.evaluation.f_q + e.error_bar()))
             .chain(rows.iter().rev().map(|(x, e)| (*x, (e.evaluation.f_q - e.error_bar()).max(0.0))));
         chart.draw_series(std::iter::once(Polygon::new(band.collect::<Vec<_>>(), BLACK.mix(0.15))))?;
-        for (k, term) in Term::ALL.into_iter().enumerate() {
+        for (k, term) in listed(rows).enumerate() {
             let color = Palette99::pick(k).to_rgba();
-            let line = rows.iter().map(|(x, e)| (*x, e.evaluation.get(term).contribution()));
+            let line = rows.iter().map(|(x, e)| (*x, e.evaluation[term].contribution()));
             chart
                 .draw_series(LineSeries::new(line, color.stroke_width(2)))?
                 .label(term.name())

@@ -44,8 +44,8 @@ pub struct Reach {
 
 /// Looks over the box for the least value of every term by itself: on the `reduced`
 /// problem at the points of a low-discrepancy set, and down from the best of them.
-/// What was best there, and `found`, are then measured on the whole picture, where the
-/// histogram descends once more. A measured value that can lie on both sides of its
+/// What was best there, and `found`, are then measured on the whole picture, where each
+/// distance between distributions descends once more. A measured value that can lie on both sides of its
 /// target can also meet it, since it is continuous over the box.
 ///
 /// # Errors
@@ -62,11 +62,12 @@ pub fn reach(
         Ok::<_, ObjectiveError>(points.into_iter().zip(evaluations).collect::<Vec<_>>())
     };
     let points = measure(reduced, spread(N_POINTS, whole.variables.len(), seed).collect())?;
-    let candidates: Vec<Vec<f64>> = Term::ALL
-        .into_par_iter()
-        .flat_map(|term| {
+    let terms: Vec<Term> = whole.objective.listed().collect();
+    let candidates: Vec<Vec<f64>> = terms
+        .par_iter()
+        .flat_map(|&term| {
             let by = |key: fn(&TermValue) -> f64| {
-                let least = points.iter().min_by(|a, b| key(a.1.get(term)).total_cmp(&key(b.1.get(term))));
+                let least = points.iter().min_by(|a, b| key(&a.1[term]).total_cmp(&key(&b.1[term])));
                 least.map(|(u, _)| u.clone())
             };
             let start = by(|t| t.f);
@@ -84,19 +85,21 @@ pub fn reach(
         }
     }
     let mut measured = measure(whole, different)?;
-    let best = measured.iter().min_by(|a, b| a.1.get(Term::Hist).f.total_cmp(&b.1.get(Term::Hist).f));
-    let last = best.and_then(|(u, _)| descend(whole, Term::Hist, u));
-    measured.extend(measure(whole, last.into_iter().collect())?);
+    for &distance in terms.iter().filter(|term| term.is_distance()) {
+        let best = measured.iter().min_by(|a, b| a.1[distance].f.total_cmp(&b.1[distance].f));
+        let last = best.and_then(|(u, _)| descend(whole, distance, u));
+        measured.extend(measure(whole, last.into_iter().collect())?);
+    }
     let of = |term: Term| {
-        let terms = || measured.iter().map(move |(_, e)| e.get(term));
-        let target = measured[0].1.get(term).target;
+        let terms = || measured.iter().map(move |(_, e)| &e[term]);
+        let target = measured[0].1[term].target;
         let least = terms().map(|t| t.value).fold(f64::INFINITY, f64::min);
         let largest = terms().map(|t| t.value).fold(f64::NEG_INFINITY, f64::max);
         let floor = terms().map(|t| t.f).fold(f64::INFINITY, f64::min);
         let is_crossed = (least..=largest).contains(&target);
         Reach { term, target, floor: if is_crossed { 0.0 } else { floor }, least, largest }
     };
-    Ok(Term::ALL.map(of).to_vec())
+    Ok(terms.into_iter().map(of).collect())
 }
 
 /// Down from a point by one term alone; `None` when the search fails.
@@ -124,17 +127,6 @@ pub fn to_json(reach: &[Reach]) -> Value {
     entries.into()
 }
 
-fn what(term: Term) -> &'static str {
-    match term {
-        Term::MeanObj => "the object's mean luminance",
-        Term::MeanBack => "the background's mean luminance",
-        Term::VarObj => "the object's standard deviation",
-        Term::VarBack => "the background's standard deviation",
-        Term::Grad => "the object's mean gradient",
-        Term::Hist => "the histogram's distance to the signature",
-    }
-}
-
 /// A line for every term that these lights cannot bring to its target.
 #[must_use]
 pub fn in_words(reach: &[Reach]) -> Vec<String> {
@@ -142,17 +134,12 @@ pub fn in_words(reach: &[Reach]) -> Vec<String> {
         .iter()
         .filter(|r| r.floor > NOTABLE)
         .map(|r| {
-            let (name, floor) = (what(r.term), r.floor);
-            let is_deviation = matches!(r.term, Term::VarObj | Term::VarBack);
-            if r.term == Term::Hist {
+            let (name, floor) = (r.term.words(), r.floor);
+            if r.term.is_distance() {
                 return format!("{name} is at least {floor:.3} with these lights");
             }
             let (bound, reached) = if r.least > r.target { ("at least", r.least) } else { ("at most", r.largest) };
-            let why = if is_deviation && r.target > 0.5 {
-                "; no picture has one above 0.5, so this asks for as much contrast as there is"
-            } else {
-                ""
-            };
+            let why = r.term.beyond_all_pictures(r.target).map(|why| format!("; {why}")).unwrap_or_default();
             let term = r.term.name();
             format!("{name} is {bound} {reached:.3} with these lights, {:.3} is wanted: {term} stays at {floor:.3} or more{why}", r.target)
         })
@@ -163,9 +150,9 @@ pub fn in_words(reach: &[Reach]) -> Vec<String> {
 /// `None` of one that shows its object.
 #[must_use]
 pub fn degenerate(result: &Evaluation, variables: &ParamVector, x: &[f64]) -> Option<String> {
-    let object = result.get(Term::MeanObj);
+    let (object, histogram) = (result.get(Term::MeanObj)?, result.get(Term::Hist)?);
     let is_dark = object.value < 0.4 * object.target && object.target > 0.1;
-    if !is_dark || result.get(Term::Hist).f > 0.3 {
+    if !is_dark || histogram.f > 0.3 {
         return None;
     }
     let mut at = variables.variables.iter().zip(x);

@@ -8,8 +8,8 @@ use crate::{
     lighting::Lighting,
     math::display::LuminanceMode,
     objective::{
-        JackknifeEstimate, Jackknifed, N_SCALARS, Objective, ObjectiveError, Replicates, Residuals,
-        Smoothing, Statistics,
+        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing,
+        Statistics,
     },
     optim::Moduli,
     transport::{LightingGradient, Linearised, Recombination, Tables, Tangents, TransportBasis},
@@ -186,11 +186,11 @@ impl<'a> Evaluator<'a> {
         scratch: &mut Scratch<'a>,
     ) -> Result<(), ObjectiveError> {
         let z = self.measure(u, smoothing, true, scratch)?;
-        let Residuals { scalars, hist } = self.objective.residuals(&z.corrected, smoothing);
-        out.rest = hist.value;
-        out.residuals = scalars.iter().map(|residual| residual.value).collect();
-        let of_scalars = scalars.into_iter().map(|residual| residual.by_statistics);
-        let dz: Vec<Statistics> = std::iter::once(hist.by_statistics).chain(of_scalars).collect();
+        let Residuals { scalars, distances } = self.objective.residuals(&z.corrected, smoothing);
+        out.rest = distances.value;
+        out.residuals = scalars.iter().flatten().map(|residual| residual.value).collect();
+        let of_scalars = scalars.into_iter().flatten().map(|residual| residual.by_statistics);
+        let dz: Vec<Statistics> = std::iter::once(distances.by_statistics).chain(of_scalars).collect();
         self.pull_back(u, &z, &dz, smoothing, scratch, out.gradients())
     }
 
@@ -319,16 +319,17 @@ impl<'a> Evaluator<'a> {
         u: &[f64],
         smoothing: &Smoothing,
         scratch: &mut Scratch<'a>,
-    ) -> Result<[f64; N_SCALARS], ObjectiveError> {
+    ) -> Result<Vec<f64>, ObjectiveError> {
         if self.basis.n_replicates() < 3 {
-            return Ok([0.0; N_SCALARS]);
+            return Ok(vec![0.0; self.objective.scalars().count()]);
         }
         let told = self.measure(u, smoothing, false, scratch)?.corrected;
         let x = self.lighting(&self.variables.decode(u));
         let linear = linear(self.basis, &[&x]).remove(0);
         let known = self.replicates(&linear, &x).second_order(self.objective, smoothing.ramp);
         let [known, told] = [known, told].map(|z| self.objective.residuals(&z, smoothing).scalars);
-        Ok(std::array::from_fn(|i| known[i].value - told[i].value))
+        let pairs = known.iter().flatten().zip(told.iter().flatten());
+        Ok(pairs.map(|(known, told)| known.value - told.value).collect())
     }
 }
 

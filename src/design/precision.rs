@@ -76,7 +76,7 @@ fn added(n: u32, needed: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objective::{N_SCALARS, Objective, Target};
+    use crate::objective::{Objective, Target};
 
     fn estimate(half_width: f64, correction: f64) -> JackknifeEstimate {
         let target = Target::resolve("high-key").unwrap();
@@ -89,7 +89,7 @@ mod tests {
             standard_error: 0.0,
             half_width,
             correction,
-            residual_errors: [0.0; N_SCALARS],
+            residual_errors: vec![0.0; objective.scalars().count()],
             replicates: 4,
         }
     }

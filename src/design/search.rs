@@ -17,7 +17,7 @@ use super::{
     evaluator::{Evaluator, Scratch},
 };
 use crate::{
-    objective::{JackknifeEstimate, LABELLINGS, N_SCALARS, Smoothing},
+    objective::{JackknifeEstimate, LABELLINGS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
@@ -360,11 +360,11 @@ fn settle(
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::of_descent();
     let (errors, defects) = match known {
-        None => ([0.0; N_SCALARS], [0.0; N_SCALARS]),
+        None => (vec![0.0; weights.len()], vec![0.0; weights.len()]),
         Some(estimate) => {
             let defects = whole.defects(u, &smoothing, &mut scratch);
             let defects = defects.map_err(|_| OptimError::NothingEvaluated)?;
-            (estimate.residual_errors.map(|e| STUDENT * e), defects)
+            (estimate.residual_errors.iter().map(|e| STUDENT * e).collect(), defects)
         }
     };
     let tolerance = if known.is_some() { SETTLED_WELL } else { SETTLED };

@@ -1,6 +1,7 @@
 //! The numbers of \[PG14\] that are known here: f_q and, for low-key, the histogram term.
 
 use super::Study;
+use crate::objective::Term;
 
 /// Published numbers of a scene and a look.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,6 +12,14 @@ pub struct Published {
     pub sum: Option<f64>,
     /// The histogram term.
     pub hist: Option<f64>,
+}
+
+impl Published {
+    /// The printed value of a term.
+    #[must_use]
+    pub fn f(&self, term: Term) -> Option<f64> {
+        self.hist.filter(|_| term == Term::Hist)
+    }
 }
 
 /// What the paper printed; `look` is an index into [`super::LOOKS`].

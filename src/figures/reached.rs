@@ -55,7 +55,7 @@ pub fn plot(outcomes: &[&Outcome]) -> Result<Canvas, FigureError> {
             let word = if *background { "background free" } else { "background fixed" };
             text(area, LOOKS[*look], (16, middle), LETTERS, INK, Anchor::Upward)?;
             text(area, word, (38, middle), LETTERS - 1, FAINT, Anchor::Upward)?;
-            for (k, term) in Term::ALL.iter().enumerate() {
+            for (k, term) in Term::standing().enumerate() {
                 text(area, term.name(), (LEFT - 10, row(y_of(j), k)), LETTERS, INK, Anchor::Right)?;
             }
             for (i, title) in titles.iter().enumerate() {
@@ -71,7 +71,7 @@ pub fn plot(outcomes: &[&Outcome]) -> Result<Canvas, FigureError> {
 
 /// Middle of a term's row in the panel at `y`.
 fn row(y: i32, term: usize) -> i32 {
-    y + PANEL.1 * (2 * term as i32 + 1) / 12
+    y + PANEL.1 * (2 * term as i32 + 1) / (2 * Term::standing().count() as i32)
 }
 
 /// Where f lies in the panel at `x`.
@@ -94,14 +94,14 @@ fn panel(area: &Area, found: Option<&Outcome>, (x, y): (i32, i32), is_last: bool
     line(area, &[(x, y), (right, y), (right, bottom), (x, bottom), (x, y)], BLACK.mix(0.5), 1)?;
     let Some(outcome) = found else { return Ok(()) };
     let paper = published::of(&outcome.study, outcome.look);
-    for (k, term) in Term::ALL.into_iter().enumerate() {
+    for (k, found) in outcome.found.terms().enumerate() {
         let at = row(y, k);
-        if let Some(reach) = outcome.reach.iter().find(|r| r.term == term) {
+        if let Some(reach) = outcome.reach.iter().find(|r| r.term == found.term) {
             bar(area, [(x, at - 8), (across(x, reach.floor), at + 8)], OUT_OF_REACH)?;
         }
-        dot(area, (across(x, outcome.found.get(term).f), at), 5, FOUND)?;
-        if let Some(hist) = paper.hist.filter(|_| term == Term::Hist) {
-            diamond(area, (across(x, hist), at))?;
+        dot(area, (across(x, found.f), at), 5, FOUND)?;
+        if let Some(f) = paper.f(found.term) {
+            diamond(area, (across(x, f), at))?;
         }
     }
     Ok(())

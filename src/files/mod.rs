@@ -7,4 +7,4 @@ pub mod text;
 pub mod toml_file;
 
 pub use atomic::write_atomically;
-pub use nearest::nearest;
+pub use nearest::{did_you_mean, nearest};

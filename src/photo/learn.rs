@@ -4,6 +4,7 @@
 use crate::math::stats::median;
 use crate::objective::histogram::{BINS, Cumulated, f_hist};
 use crate::objective::signature::library::Method;
+use crate::objective::{Term, Values};
 
 use super::barycentre::Quantiles;
 
@@ -20,8 +21,8 @@ const OUTLIER_SIGMAS: f64 = 3.0;
 pub struct Measured {
     /// Cumulated histogram of the photograph's display luminance.
     pub cumulated: Cumulated,
-    /// Values of the five scalar terms, when the photograph's main object is known.
-    pub scalars: Option<[f64; 5]>,
+    /// What the scalar terms measure of the photograph, when its main object is known.
+    pub values: Option<Values>,
 }
 
 /// Distances of a photograph to the classes, with the photograph left out of its own class.
@@ -48,8 +49,8 @@ pub struct Learned {
     /// distances in the class plus three standard deviations, estimated from the median
     /// absolute deviation. `None` with a single photograph.
     pub outlier_above: Option<f64>,
-    /// Means of the five scalar terms over the photographs, when all have masks.
-    pub scalars: Option<[f64; 5]>,
+    /// Means of what the scalar terms measure over the photographs, when all have masks.
+    pub values: Option<Values>,
 }
 
 /// Learns the signature of each class from its photographs, at least one each.
@@ -67,7 +68,7 @@ pub fn learn(classes: &[Vec<Measured>], method: Method) -> Vec<Learned> {
             .map(|(q, without)| judge(q, own, without.as_ref(), &signatures))
             .collect();
         let outlier_above = mark_outliers(&mut judged, own);
-        Learned { signature: signatures[own], photos: judged, outlier_above, scalars: mean_scalars(photos) }
+        Learned { signature: signatures[own], photos: judged, outlier_above, values: mean_values(photos) }
     })
     .collect()
 }
@@ -150,10 +151,11 @@ fn mean<'a>(histograms: impl Iterator<Item = &'a Cumulated>, n: usize) -> Cumula
     out.map(|sum| sum / n as f64)
 }
 
-fn mean_scalars(photos: &[Measured]) -> Option<[f64; 5]> {
-    let all: Option<Vec<[f64; 5]>> = photos.iter().map(|p| p.scalars).collect();
+fn mean_values(photos: &[Measured]) -> Option<Values> {
+    let all: Option<Vec<Values>> = photos.iter().map(|p| p.values).collect();
     let all = all.filter(|all| !all.is_empty())?;
-    Some(std::array::from_fn(|i| all.iter().map(|s| s[i]).sum::<f64>() / all.len() as f64))
+    let sum = |term: Term| all.iter().map(|values| values[term as usize]).sum::<Option<f64>>();
+    Some(Term::ALL.map(|term| Some(sum(term)? / all.len() as f64)))
 }
 
 #[cfg(test)]
@@ -163,7 +165,8 @@ mod tests {
 
     fn photo(a: f64, b: f64) -> Measured {
         let cumulated = std::array::from_fn(|i| beta_cdf((i + 1) as f64 / BINS as f64, a, b));
-        Measured { cumulated, scalars: Some([a / 10.0, 0.5, 0.1, 0.2, 0.3]) }
+        let value = |term| if term == Term::MeanObj { a / 10.0 } else { 0.3 };
+        Measured { cumulated, values: Some(Term::ALL.map(|term| Some(value(term)))) }
     }
 
     fn bright() -> Vec<Measured> {
@@ -180,8 +183,9 @@ mod tests {
             let learned = learn(&[bright(), dark()], method);
             assert_eq!(confusion(&learned), [[4, 0], [0, 3]]);
             assert!(learned.iter().flat_map(|c| &c.photos).all(|p| !p.outlier));
-            let brightness = bright().iter().map(|p| p.scalars.unwrap()[0]).sum::<f64>() / 4.0;
-            assert_eq!(learned[0].scalars.unwrap()[0], brightness);
+            let brightness = |values: Option<Values>| values.unwrap()[Term::MeanObj as usize].unwrap();
+            let mean = bright().iter().map(|p| brightness(p.values)).sum::<f64>() / 4.0;
+            assert_eq!(brightness(learned[0].values), mean);
         }
         let learned = learn(&[bright()], Method::Mean);
         let want = bright().iter().map(|p| p.cumulated[200]).sum::<f64>() / 4.0;

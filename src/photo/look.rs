@@ -8,12 +8,8 @@ use super::{Photo, PhotoError};
 use crate::film::image_file::has_picture_ending;
 use crate::objective::signature::library::{Library, LibraryError, split_reference};
 use crate::objective::signature::{Shape, Signature, SignatureError};
-use crate::objective::target::{PUBLISHED_WEIGHTS, TargetError};
+use crate::objective::target::{DEFAULT_WEIGHTS, HISTOGRAM_ONLY, TargetError};
 use crate::objective::{LuminanceMode, Target};
-
-/// Weights of a look that is a histogram and nothing else: the published weight of the
-/// histogram term, and 0 for the terms whose targets are unknown.
-const HISTOGRAM_ONLY: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 0.0, PUBLISHED_WEIGHTS[5]];
 
 /// Why a look cannot be resolved.
 #[derive(Debug, Error)]
@@ -89,9 +85,7 @@ impl Look {
         if let Some((file, class)) = split_reference(spec) {
             let signature = Library::find(file, class)?;
             let name = format!("{}-{class}", stem(file));
-            let (mean, sigma) = signature.moments();
-            let values = [mean, mean, sigma, sigma, 0.0];
-            return Ok(Self::Target(Target::new(name, values, HISTOGRAM_ONLY, signature)));
+            return Ok(Self::Target(Target::of_histogram(name, signature)));
         }
         match (Target::resolve(spec), Library::read(path)) {
             (Ok(target), _) => Ok(Self::Target(target)),
@@ -129,11 +123,11 @@ impl Look {
             Self::Target(target) => Ok(target),
             Self::Photo { path, photo } => {
                 let z = photo.reduced(longest).measure(mode)?;
-                let shape = Shape::Cumulated(z.cumulated.to_vec());
+                let shape = Shape::Cumulated(z.cumulated().to_vec());
                 let signature = Signature::new(&name, shape)
                     .map_err(|source| LookError::Signature { photo: path.clone(), source })?;
-                let weights = if photo.has_mask() { PUBLISHED_WEIGHTS } else { HISTOGRAM_ONLY };
-                Ok(Target::new(name, z.scalars(), weights, signature))
+                let weights = if photo.has_mask() { DEFAULT_WEIGHTS } else { HISTOGRAM_ONLY };
+                Ok(Target::new(name, &z.values(), weights, signature))
             }
         }
     }

@@ -162,7 +162,7 @@ impl Photo {
     #[must_use]
     pub fn cumulated(&self, mode: LuminanceMode) -> Cumulated {
         let [width, height] = self.size;
-        Statistics::measure_whole(&self.display_luminance(mode), width, height).cumulated
+        Statistics::measure_whole(&self.display_luminance(mode), width, height).cumulated()
     }
 
     /// Statistics of the photograph. With a mask, a pixel is object when at least half of it is

@@ -120,7 +120,9 @@ fn ranges_of_no_width_hold_what_they_say() {
         + "[background]\nvalue_range = [0.4, 0.4]\n";
     let room = Room::with(OBJ, MTL, &toml);
     let run = ["run", "room.obj", "--cache", "c", "--out", "a", "--work-size", "24x18", "--size", "24x18"];
-    let out = room.succeed(&[&run[..], &["--final-spp", "64", "--spp", "64", "--tolerance", "0.05", "--json"]].concat());
+    let out = room.succeed(
+        &[&run[..], &["--final-spp", "64", "--spp", "64", "--tolerance", "0.05", "--json"]].concat(),
+    );
     let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
     let x = json["x"].as_object().unwrap();
     assert_eq!(x.keys().collect::<Vec<_>>(), ["fill.radiance", "fill.size", "key.radiance"]);
