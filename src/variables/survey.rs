@@ -1,7 +1,8 @@
 //! The pre-computation step: bounds and start of the free variables by stated
 //! formulas, from the geometry and from one render of each light alone.
 //!
-//! * sizes: [`super::bounds`], narrowed by the sidecar's `size_range`;
+//! * sizes: [`super::bounds`], widened to a light's own size if that is smaller, narrowed by the
+//!   sidecar's `size_range`;
 //! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
 //!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
 //! * `L_max`: [`HEADROOM`] times the radiance at which the light alone, at its
@@ -123,8 +124,10 @@ impl Fitted {
             let extent = scene.lights[i].resizable().map_or(1.0, |shape| shape.outline().extent());
             return Err(SurveyError::NoRoom { light: name.clone(), distance: hi * extent });
         }
+        let before = self.lighting.size[i] as f32;
         let range = match wanted {
-            None => [lo, hi],
+            // A lamp that is small on purpose may stay so.
+            None => [lo.min(before), hi],
             Some([a, b]) if b <= hi => [a, b],
             Some([a, b]) => {
                 self.notes.push(format!(
@@ -133,7 +136,6 @@ impl Fitted {
                 [a.min(hi), hi]
             }
         };
-        let before = self.lighting.size[i] as f32;
         let size = before.clamp(range[0], range[1]);
         if size != before {
             self.notes.push(format!("light `{name}`: size {before} set to {size:.3}"));

@@ -227,6 +227,21 @@ fn a_target_of_ones_own_names_the_directory_and_is_recorded() {
 }
 
 #[test]
+fn a_light_may_keep_its_own_size_however_small() {
+    let room = Room::with(OBJ, MTL, &TOML.replace("radiance = 8.0", "radiance = 8.0\nsize = 0.01"));
+    let stderr = String::from_utf8(room.succeed(&quick(&["--out", "a"])).stderr).unwrap();
+    assert!(!stderr.contains("set to"), "{stderr}");
+    let run: toml::Table = fs::read_to_string(room.path("a/run.toml")).unwrap().parse().unwrap();
+    let variables = run["variables"].as_array().unwrap();
+    let size = variables.iter().find(|v| v["name"].as_str() == Some("key.size")).unwrap();
+    let at = |key: &str| size[key].as_float().unwrap();
+    assert!(
+        (at("initial") - 0.01).abs() < 1e-6 && (at("lower") - 0.01).abs() < 1e-6 && at("upper") > 1.0,
+        "{size}"
+    );
+}
+
+#[test]
 fn one_evaluation_is_enough() {
     let room = Room::new();
     for n in ["1", "2", "3"] {
