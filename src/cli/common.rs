@@ -4,7 +4,7 @@ use std::{io::Write as _, path::Path};
 
 use anyhow::{Context, bail};
 use clap::{
-    Args,
+    Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
 use glam::UVec2;
@@ -25,13 +25,9 @@ use crate::{
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Light transport")]
 pub struct TransportArgs {
-    /// Bidirectional path tracing (the default): best for glossy scenes and small lights
-    #[arg(long, conflicts_with = "path")]
-    pub bdpt: bool,
-
-    /// Unidirectional path tracing: best for diffuse scenes with large lights
-    #[arg(long)]
-    pub path: bool,
+    /// Which integrator.
+    #[command(flatten)]
+    pub kind: IntegratorFlags,
 
     /// Edges of the longest light path after the camera; 1 shows the lights only
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
@@ -50,15 +46,42 @@ pub struct TransportArgs {
     pub threads: Option<u16>,
 }
 
+/// A flag for each integrator, of which one at most may be given.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct IntegratorFlags(pub IntegratorKind);
+
+impl Args for IntegratorFlags {
+    fn augment_args(command: Command) -> Command {
+        let others = |kind| IntegratorKind::ALL.into_iter().filter(move |&other| other != kind);
+        let flag = |kind: IntegratorKind| {
+            let arg = Arg::new(kind.name()).long(kind.name()).help(kind.help()).action(ArgAction::SetTrue);
+            arg.conflicts_with_all(others(kind).map(IntegratorKind::name))
+        };
+        command.args(IntegratorKind::ALL.map(flag))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for IntegratorFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let given = IntegratorKind::ALL.into_iter().find(|kind| matches.get_flag(kind.name()));
+        Ok(Self(given.unwrap_or_default()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
 impl TransportArgs {
     /// The integrator asked for.
     #[must_use]
     pub fn integrator(&self) -> Integrator {
-        Integrator {
-            kind: if self.path { IntegratorKind::Path } else { IntegratorKind::Bdpt },
-            max_depth: usize::from(self.max_depth),
-            ..Integrator::default()
-        }
+        Integrator { kind: self.kind.0, max_depth: usize::from(self.max_depth), ..Integrator::default() }
     }
 
     /// Runs `f` on the threads asked for.

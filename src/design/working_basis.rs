@@ -13,7 +13,7 @@ use super::{
 use crate::{
     audit::stored::About,
     film::Picture,
-    integrator::{IntegratorKind, RenderError},
+    integrator::RenderError,
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
     math::hash::{hash_bytes, hash_words},
@@ -168,10 +168,7 @@ impl BasisPlan {
         let plan = stage.plan(&self.fixed);
         let pixels = u64::from(stage.options.work_size.element_product());
         let samples = u64::from(self.batch * REPLICATES as u32) * pixels;
-        let subpaths = match integrator.kind {
-            IntegratorKind::Path => 0,
-            IntegratorKind::Bdpt => samples.div_ceil(u64::from(plan.counts.camera_subpaths)),
-        };
+        let subpaths = integrator.kind.light_subpaths(samples, plan.counts);
         self.layout(stage, None).splat_memory(subpaths, integrator.max_depth)
     }
 

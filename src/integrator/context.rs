@@ -2,7 +2,7 @@
 
 use glam::{UVec2, Vec2, Vec3};
 
-use super::{Integrator, IntegratorKind, Samples, Values, View, bdpt, path};
+use super::{Integrator, Samples, Values, View, bdpt};
 use crate::{
     bsdf::Affine,
     camera::Camera,
@@ -49,10 +49,7 @@ impl<'a, const N: usize> Context<'a, N> {
             let pixel = UVec2::new(x, y);
             for index in samples.first..samples.first + samples.count {
                 sampler.start(pixel, index);
-                match self.integrator.kind {
-                    IntegratorKind::Path => path::sample(self, &mut sampler, pixel, row),
-                    IntegratorKind::Bdpt => bdpt::sample(self, &mut sampler, pixel, &mut workspace, row),
-                }
+                self.integrator.kind.sample(self, &mut sampler, pixel, &mut workspace, row);
             }
         }
     }

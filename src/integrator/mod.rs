@@ -9,6 +9,7 @@ pub mod aov;
 pub mod bdpt;
 mod context;
 mod direct;
+mod kind;
 pub mod path;
 
 use glam::{UVec2, Vec2};
@@ -25,6 +26,7 @@ use crate::{
 
 pub use crate::film::Strategy;
 pub use context::Context;
+pub use kind::IntegratorKind;
 
 /// Multiple importance sampling heuristic. \[Veach97\] 9.2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -45,17 +47,6 @@ impl Heuristic {
             Self::Power => x * x,
         }
     }
-}
-
-/// Which integrator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum IntegratorKind {
-    /// Unidirectional, with next-event estimation.
-    Path,
-    /// Bidirectional.
-    #[default]
-    Bdpt,
 }
 
 /// An integrator with its options.

@@ -1,0 +1,78 @@
+//! The integrators there are, and what the rest of the program asks of each.
+
+use glam::UVec2;
+use serde::{Deserialize, Serialize};
+
+use super::{Context, bdpt, path};
+use crate::{film::Recorder, lighting::SampleCounts, sampler::Sampler};
+
+/// The closed set of integrators.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IntegratorKind {
+    /// Path tracing from the camera, with next-event estimation.
+    Path,
+    /// Bidirectional path tracing.
+    #[default]
+    Bdpt,
+}
+
+impl IntegratorKind {
+    /// Every integrator, in the order in which the help lists them.
+    pub const ALL: [Self; 2] = [Self::Bdpt, Self::Path];
+
+    /// The word for it in records, and the flag that asks for it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Path => "path",
+            Self::Bdpt => "bdpt",
+        }
+    }
+
+    /// What it is and what it is best for, as a phrase for the help.
+    #[must_use]
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Path => "Unidirectional path tracing: best for diffuse scenes with large lights",
+            Self::Bdpt => "Bidirectional path tracing (the default): best for glossy scenes and small lights",
+        }
+    }
+
+    /// Number of light subpaths that `samples` camera subpaths bring with them; each may be splatted
+    /// at every vertex, which a film has to have memory for.
+    #[must_use]
+    pub fn light_subpaths(self, samples: u64, counts: SampleCounts) -> u64 {
+        match self {
+            Self::Path => 0,
+            Self::Bdpt => samples.div_ceil(u64::from(counts.camera_subpaths)),
+        }
+    }
+
+    /// Traces one sample of `pixel` and records all light that it finds.
+    pub(super) fn sample<'a, const N: usize>(
+        self,
+        context: &Context<'a, N>,
+        sampler: &mut Sampler,
+        pixel: UVec2,
+        workspace: &mut bdpt::Workspace<'a, N>,
+        recorder: &mut impl Recorder<N>,
+    ) {
+        match self {
+            Self::Path => path::sample(context, sampler, pixel, recorder),
+            Self::Bdpt => bdpt::sample(context, sampler, pixel, workspace, recorder),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_name_an_integrator_as_its_flag_does() {
+        for kind in IntegratorKind::ALL {
+            assert_eq!(serde_json::json!(kind), kind.name());
+        }
+    }
+}
