@@ -46,6 +46,15 @@ pub struct Loaded {
 /// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
 /// (see [`mod@stage`]), unless it is a glTF with camera and lights.
 ///
+/// ```
+/// use lightopt_embree::import::{self, Loaded};
+///
+/// let Loaded { scene, wishes, .. } = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?;
+/// assert_eq!(scene.light_names(), ["ceiling"]);
+/// assert!(wishes.free.contains("size"));
+/// # Ok::<(), import::ImportError>(())
+/// ```
+///
 /// # Errors
 /// With the file, the key and what is allowed.
 pub fn load(path: &Path) -> Result<Loaded, ImportError> {

@@ -139,6 +139,29 @@ impl Integrator {
     /// Adds samples of a picture of one lighting to a film; runs in the current rayon pool and
     /// gives the same film whatever its number of threads.
     ///
+    /// ```
+    /// use lightopt_embree::{
+    ///     film::RgbFilm,
+    ///     import,
+    ///     integrator::{Integrator, Samples, View},
+    ///     lighting::{Lighting, SamplingPlan},
+    ///     sampler::SamplerKind,
+    /// };
+    ///
+    /// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+    /// let view = View { scene: &scene, camera: &scene.camera };
+    /// let lighting = Lighting::authored(&scene);
+    /// let plan = SamplingPlan::for_picture(&lighting);
+    ///
+    /// let mut film = RgbFilm::by_light(scene.camera.size(), &lighting);
+    /// let samples = Samples { sampler: SamplerKind::Sobol, seed: 0, first: 0, count: 2 };
+    /// Integrator::default().render(view, &lighting, &plan, &mut film, samples, &())?;
+    ///
+    /// let picture = film.develop(&lighting, samples.count);
+    /// assert_eq!((picture.width, picture.height, picture.lights.len()), (64, 48, 1));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// When the film overflowed, too many contributions were not finite, or
     /// the observer stopped it; the film is then of no use.

@@ -19,6 +19,19 @@ pub const MAX_EXPOSURE: f32 = 1e12;
 pub const MAX_RADIANCE: f32 = 1e15;
 
 /// What varies between pictures of a scene. Lights are in the scene's order.
+///
+/// ```
+/// use lightopt_embree::{import, lighting::Lighting};
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let authored = Lighting::authored(&scene);
+/// assert_eq!((authored.radiance[0], authored.size[0]), (6.0, 1.0));
+///
+/// // Another picture of the same scene: a lamp half as large with the same flux.
+/// let hard = Lighting { radiance: vec![24.0], size: vec![0.5], ..authored.clone() };
+/// assert_eq!((hard.n_lights(), hard.exposure), (1, authored.exposure));
+/// # Ok::<(), import::ImportError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lighting {
     /// Radiance per light: W·m⁻²·sr⁻¹, W·sr⁻¹ of a point, W·m⁻² of a distant light, per unit of its

@@ -5,6 +5,18 @@ use crate::light::{LightSampler, SizeDensity};
 
 /// What steers the samples of a render. No choice here biases a picture, as long as every light
 /// that shines may be chosen and every size that it has may be sampled.
+///
+/// ```
+/// use lightopt_embree::{import, lighting::{Lighting, SampleCounts, SamplingPlan}};
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let lighting = Lighting::authored(&scene);
+/// // More samples of the lights where the camera sees, everything else as usual.
+/// let counts = SampleCounts { first_light_samples: 12, ..SampleCounts::default() };
+/// let plan = SamplingPlan { counts, ..SamplingPlan::for_picture(&lighting) };
+/// assert_eq!(plan.lights.pmf(0).0, 1.0);
+/// # Ok::<(), import::ImportError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SamplingPlan {
     /// Chooses lights.

@@ -88,6 +88,23 @@ pub enum ObjectiveError {
 }
 
 /// The objective for pictures of one size with one mask.
+///
+/// ```
+/// use lightopt_embree::objective::{Objective, Smoothing, Target};
+///
+/// // Two columns of object, two of background; brightness as a display shows it, 0 to 1.
+/// let mask = [true, true, false, false].repeat(3);
+/// let objective = Objective::new(&Target::resolve("high-key")?, 4, 3, &mask)?;
+/// let picture = [0.3, 0.6, 0.7, 0.9].repeat(3);
+/// let f_q = objective.evaluate(&picture).f_q;
+///
+/// // Brighten the picture where its derivative says that it should be: f_q falls.
+/// let mut adjoint = vec![0.0; picture.len()];
+/// objective.evaluate_smooth(&picture, &Smoothing::with_delta(1e-3), Some(&mut adjoint));
+/// let better: Vec<f64> = picture.iter().zip(&adjoint).map(|(l, d)| l - 0.01 * d).collect();
+/// assert!(objective.evaluate(&better).f_q < f_q);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Objective {
     regions: Regions,

@@ -129,6 +129,27 @@ impl Target {
 
     /// Parses the text of a target file at `path`, where signature libraries begin.
     ///
+    /// ```
+    /// use lightopt_embree::objective::{Target, Term};
+    ///
+    /// let text = r#"
+    ///     schema = 1
+    ///     name = "dusk"
+    ///     signature = { betas = [{ fraction = 1.0, mean = 0.2, sigma = 0.1 }] }
+    ///     t_meanObj = 0.3
+    ///     t_meanBack = 0.1
+    ///     t_varObj = 0.2
+    ///     t_varBack = 0.05
+    ///     t_grad = 0.3
+    ///     [weights]
+    ///     grad = 0.0
+    /// "#;
+    /// let dusk = Target::from_toml(text, "dusk.toml".as_ref())?;
+    /// assert_eq!(dusk.target(Term::MeanObj), 0.3);
+    /// assert_eq!((dusk.weight(Term::Grad), dusk.weight(Term::Hist)), (0.0, 1.0));
+    /// # Ok::<(), lightopt_embree::objective::target::TargetError>(())
+    /// ```
+    ///
     /// # Errors
     /// With file and line, when it is no valid target.
     pub fn from_toml(text: &str, path: &Path) -> Result<Self, TargetError> {

@@ -19,6 +19,21 @@ use super::{
 /// first trial after `x0` is `x0 − ∇f`, cut at the first bound on the way: scale variables, and
 /// set [`Options::first_step`], so that this is a sane step.
 ///
+/// ```
+/// use std::ops::ControlFlow;
+/// use lightopt_embree::optim::{Options, minimize};
+///
+/// // The least distance from (2, 1/2) within the unit square is at (1, 1/2).
+/// let found = minimize(&[0.1, 0.1], &[0.0; 2], &[1.0; 2], &Options::default(), |x, gradient| {
+///     let d = [x[0] - 2.0, x[1] - 0.5];
+///     gradient.copy_from_slice(&d.map(|d| 2.0 * d));
+///     ControlFlow::Continue(d[0] * d[0] + d[1] * d[1])
+/// })?;
+/// assert!((found.x[0] - 1.0).abs() < 1e-6 && (found.x[1] - 0.5).abs() < 1e-3);
+/// assert!(found.stop.converged());
+/// # Ok::<(), lightopt_embree::optim::OptimError>(())
+/// ```
+///
 /// # Errors
 /// A problem that is not well posed, a value that is not finite, or an interrupt before the
 /// first value. Everything else is an [`Outcome`] with a [`StopReason`].

@@ -148,6 +148,45 @@ impl Layout {
 }
 
 /// A rendered basis.
+///
+/// ```
+/// use lightopt_embree::{
+///     import,
+///     integrator::{Integrator, View},
+///     light::SizeDensity,
+///     lighting::{Lighting, SamplingPlan},
+///     sampler::SamplerKind,
+///     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+/// };
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let camera = scene.camera.resized((16, 12).into());
+/// let lighting = Lighting::authored(&scene);
+///
+/// // The lamp at any size between a tenth and the whole of its own; samples go to all of them.
+/// let range = [0.1, 1.0];
+/// let bins = SizeBins::Free(Knots::geometric(0.1, 1.0, 8));
+/// let layout = Layout::new(camera.size(), vec![bins], ValueNodes::new(1.0, 1));
+/// let plan = SamplingPlan {
+///     sizes: vec![SizeDensity::any_size(range)],
+///     ..SamplingPlan::uniform(&lighting)
+/// };
+///
+/// // Rendered once, in two replicates; then any lighting follows, without another ray.
+/// let mut basis = TransportBasis::new(layout, 2);
+/// let source = Source {
+///     view: View { scene: &scene, camera: &camera },
+///     plan: &plan,
+///     integrator: &Integrator::default(),
+///     sampler: SamplerKind::Sobol,
+///     seed: 0,
+/// };
+/// basis.render(source, 4, &())?;
+/// let bright = |x: &Lighting| basis.picture(x).rgb.iter().map(|c| c[1]).sum::<f32>();
+/// let small = Lighting { size: vec![0.5], ..lighting.clone() };
+/// assert!(0.0 < bright(&small) && bright(&small) < bright(&lighting));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TransportBasis {
     layout: Layout,

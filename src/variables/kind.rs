@@ -101,6 +101,15 @@ pub struct MatchedStart<'a> {
 }
 
 /// A reference to one of [`KINDS`].
+///
+/// ```
+/// use lightopt_embree::variables::VariableKind;
+///
+/// let lights = ["key".to_owned(), "rim".to_owned()];
+/// let (kind, light) = VariableKind::of_name("rim.size", &lights).expect("a variable of a light");
+/// assert_eq!((kind.keyword(), light), ("size", 1));
+/// assert!(VariableKind::of_name("sun.size", &lights).is_none());
+/// ```
 #[derive(Clone, Copy)]
 pub struct VariableKind(&'static dyn Kind);
 

@@ -102,6 +102,33 @@ impl Variable {
 }
 
 /// All free variables of a run.
+///
+/// ```
+/// use lightopt_embree::{
+///     import,
+///     lighting::Lighting,
+///     variables::{ParamVector, Scale, Variable, VariableKind},
+/// };
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let size = Variable {
+///     name: "ceiling.size".into(),
+///     unit: "1",
+///     lower: 0.25,
+///     upper: 4.0,
+///     initial: 1.0,
+///     scale: Scale::Logarithmic,
+///     kind: VariableKind::named("size").expect("is a kind"),
+///     light: 0,
+/// };
+/// let variables = ParamVector { variables: vec![size] };
+///
+/// // The optimiser works on the unit cube; half-way of a logarithmic scale is the geometric mean.
+/// assert_eq!(variables.start(), [0.5]);
+/// let lighting = variables.lighting(Lighting::authored(&scene), &variables.decode(&[1.0]));
+/// assert!((lighting.size[0] - 4.0).abs() < 1e-12);
+/// # Ok::<(), import::ImportError>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
 pub struct ParamVector {
