@@ -1,17 +1,4 @@
-//! `lights.toml`: a lighting on disk, to be rendered again.
-//!
-//! ```toml
-//! schema = 1
-//! exposure = 1.0
-//!
-//! [background]
-//! value = 0.4
-//!
-//! [[lights]]
-//! name = "key"
-//! radiance = 12.5
-//! size = 0.8
-//! ```
+//! `lights.toml`: a lighting on disk, to be rendered again. Its keys are listed in `docs/formats.md`.
 
 use std::path::{Path, PathBuf};
 

@@ -1,22 +1,8 @@
 //! The run directory: an auditable record of what was done and found.
 //!
-//! ```text
-//! RUN/
-//!   run.toml            everything resolved: scene, options, seed, variables with bounds, versions
-//!   evaluations.jsonl   a line per evaluation: x, f_q and its error, every term, |gradient|, renders
-//!   starts.jsonl        where the search on the transport basis began, and what became of it
-//!   iterations.jsonl    those evaluations that improved on the best so far
-//!   timing.jsonl        seconds, apart from the above
-//!   iter_0000.exr …     a picture per iteration, see [`picture`]
-//!   initial.exr initial.png final.exr final.png
-//!   lights.toml         the lights found; `render --lights`, with the run's seed, size
-//!                       and final samples, makes final.exr's picture again
-//!   staging.toml        the sidecar made for a scene without one
-//! ```
-//!
-//! All but `timing.jsonl` are the same bytes for the same scene, options and
-//! seed. Pictures and TOML files appear whole or not at all; a log grows by
-//! whole lines, so that a killed run leaves a readable one.
+//! Its files, with the keys of the logs and of the manifest, are listed in `docs/formats.md`. All but
+//! `timing.jsonl` are the same bytes for the same scene, options and seed. Pictures and TOML files appear
+//! whole or not at all; a log grows by whole lines, so that a killed run leaves a readable one.
 
 pub mod lights;
 pub mod picture;

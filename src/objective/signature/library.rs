@@ -1,24 +1,7 @@
 //! Signature libraries: signatures learned from photographs, with where they came from.
 //!
-//! ```toml
-//! schema = 1
-//! program = "lightopt-embree 0.1.0"
-//! longest_side = 512         # pixels; what the photographs were reduced to
-//!
-//! [[classes]]
-//! name = "high"
-//! method = "mean"            # or "barycentre"
-//! count = 2
-//! outliers = []
-//! cumulated = [256 rising values, the last 1]
-//!
-//! [[classes.photos]]
-//! file = "a.jpg"
-//! sha256 = "…"               # of the file's bytes, in hexadecimal
-//! ```
-//!
-//! `name` and `cumulated` are all a class needs; the rest is provenance. A class is named by
-//! `FILE.toml#CLASS`. Unknown keys are refused.
+//! A class is named by `FILE.toml#CLASS`. `name` and `cumulated` are all that a class needs; the rest is
+//! provenance. The keys are listed in `docs/formats.md`; unknown ones are refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
