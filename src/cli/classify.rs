@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::print;
+use super::output::print;
 use crate::objective::LuminanceMode;
 use crate::objective::histogram::{Cumulated, f_hist};
 use crate::objective::signature::library::{LONGEST_SIDE, Library};

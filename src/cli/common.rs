@@ -4,24 +4,25 @@ use std::{io::Write as _, path::Path};
 
 use anyhow::{Context, bail};
 use clap::{
-    Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches,
+    Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, ValueEnum,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
 use glam::UVec2;
 
-use super::LuminanceArg;
+use super::choices::{SAMPLERS, one_of};
 use crate::{
     audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
     import::{self, Loaded},
     integrator::{Integrator, IntegratorKind},
-    lighting::Lighting,
+    lighting::{Lighting, MAX_EXPOSURE},
+    math::display::LuminanceMode,
     sampler::SamplerKind,
     scene::Scene,
     variables::{KINDS, VariableKind},
 };
 
-/// How light is simulated.
+/// Options of light transport.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Light transport")]
 pub struct TransportArgs {
@@ -34,7 +35,7 @@ pub struct TransportArgs {
     pub max_depth: u8,
 
     /// Sequence of sample points
-    #[arg(long, value_enum, default_value_t = SamplerKind::Sobol)]
+    #[arg(long, value_parser = one_of(&SAMPLERS), default_value = "sobol")]
     pub sampler: SamplerKind,
 
     /// Seed of all randomness: the same seed gives the same bytes
@@ -75,6 +76,23 @@ impl FromArgMatches for IntegratorFlags {
         *self = Self::from_arg_matches(matches)?;
         Ok(())
     }
+}
+
+/// Sizes of pictures, and whether earlier ones are replaced. The help is that of `run`; `figures` has its
+/// own words.
+#[derive(Clone, Debug, Args)]
+pub struct PictureArgs {
+    /// Replace an earlier run in that directory; files of others stay
+    #[arg(long)]
+    pub force: bool,
+
+    /// Size of the final picture, pixels [default: the sidecar's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<UVec2>,
+
+    /// Size of the pictures that are optimised, pixels [default: 128 wide]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub work_size: Option<UVec2>,
 }
 
 impl TransportArgs {
@@ -119,6 +137,37 @@ pub fn in_pool<T: Send>(
         .build()
         .context("cannot start threads")?;
     pool.install(f)
+}
+
+/// [`LuminanceMode`] as an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LuminanceArg {
+    /// sRGB-encoded, as a display shows it: what the published values refer to
+    Srgb,
+    /// Linear radiance, clamped to [0, 1]
+    Linear,
+}
+
+impl From<LuminanceArg> for LuminanceMode {
+    fn from(arg: LuminanceArg) -> Self {
+        match arg {
+            LuminanceArg::Srgb => Self::Srgb,
+            LuminanceArg::Linear => Self::Linear,
+        }
+    }
+}
+
+/// Parses an exposure: a finite number above 0.
+///
+/// # Errors
+/// With what is allowed.
+pub fn parse_exposure(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => {
+            Ok(value)
+        }
+        _ => Err(format!("must be a number above 0, from {:e} to {MAX_EXPOSURE:e}", 1.0 / MAX_EXPOSURE)),
+    }
 }
 
 /// Parses `WxH`.
@@ -188,7 +237,7 @@ pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
 
 /// The measure of luminance asked for.
 #[must_use]
-pub fn luminance_mode(arg: Option<LuminanceArg>) -> crate::objective::LuminanceMode {
+pub fn luminance_mode(arg: Option<LuminanceArg>) -> LuminanceMode {
     arg.map(Into::into).unwrap_or_default()
 }
 
@@ -201,6 +250,14 @@ mod tests {
         assert_eq!(parse_size("64x48"), Ok(UVec2::new(64, 48)));
         for bad in ["64", "0x4", "4x", "-1x4", "65536x65536", "axb"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn exposures_are_positive_numbers() {
+        assert_eq!(parse_exposure("0.5"), Ok(0.5));
+        for bad in ["0", "-1", "nan", "inf", "x", "", "1e40", "1e-40"] {
+            assert!(parse_exposure(bad).is_err(), "{bad}");
         }
     }
 }

@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use serde_json::json;
 
-use super::{LuminanceArg, print};
+use super::{common::LuminanceArg, output::print};
 use crate::{
     audit::{lights::LightsFile, picture, stored::About},
     film::{exr::write_exr, image_file::write_png},

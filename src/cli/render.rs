@@ -8,8 +8,7 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    common::{TransportArgs, lighting, load_scene, parse_size, parse_spp},
-    parse_exposure,
+    common::{TransportArgs, lighting, load_scene, parse_exposure, parse_size, parse_spp},
     progress::Console,
     signals,
 };

@@ -12,9 +12,12 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    LuminanceArg,
-    common::{TransportArgs, free_kinds, lighting, load_scene, luminance_mode, parse_size, parse_spp},
-    parse_exposure, print,
+    choices::{GRADIENTS, one_of},
+    common::{
+        LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
+        parse_exposure, parse_spp,
+    },
+    output::print,
     progress::Console,
     signals,
 };
@@ -75,17 +78,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Replace an earlier run in that directory; files of others stay
-    #[arg(long)]
-    pub force: bool,
-
-    /// Size of the final picture, pixels [default: the sidecar's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<UVec2>,
-
-    /// Size of the pictures that are optimised, pixels [default: 128 wide]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub work_size: Option<UVec2>,
+    /// Sizes of the pictures.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
 
     /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
     /// every working picture with --gradient fd [default: what --tolerance needs]
@@ -101,7 +96,7 @@ pub struct RunArgs {
     pub free: Option<Vec<VariableKind>>,
 
     /// How gradients are found
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = one_of(&GRADIENTS), default_value = "basis")]
     pub gradient: Gradient,
 
     /// Also search the whole box of the variables on the transport basis, without starts or
@@ -193,7 +188,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
     let wanted = wanted(args, &stem)?;
     for (_, out) in &wanted {
-        crate::audit::RunDir::check(out, args.force)?;
+        crate::audit::RunDir::check(out, args.pictures.force)?;
     }
     let scene_path = import::find(&args.scene)?;
     let console = Console::new();
@@ -201,8 +196,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let done = args.transport.in_pool(|| {
         let Loaded { scene, wishes, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
         let authored = lighting(&scene, None, args.exposure)?;
-        let size = args.size.unwrap_or_else(|| scene.camera.size());
-        let work_size = args.work_size.unwrap_or_else(|| {
+        let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
+        let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
             UVec2::new(WORK_WIDTH, height).min(size)
         });
@@ -230,7 +225,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             free: args.free.clone().map_or_else(|| wishes.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
-            force: args.force,
+            force: args.pictures.force,
         };
         let subject = Subject { scene: &scene, path: &scene_path, authored: &authored, wishes: &wishes };
         let reports = design::run(subject, &options, &console)?;

@@ -5,7 +5,6 @@ use std::{
     time::Duration,
 };
 
-use clap::ValueEnum;
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +24,7 @@ use crate::{
 };
 
 /// How gradients are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Gradient {
     /// Exact, on the transport basis: one render, many starts

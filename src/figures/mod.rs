@@ -31,11 +31,8 @@ pub use canvas::{Canvas, FigureError};
 pub use study::{LOOKS, Outcome, STUDIES, Study};
 
 /// What can be made.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, clap::ValueEnum,
-)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[value(rename_all = "lower")]
 pub enum Part {
     /// One light at several sizes and fluxes
     Fig2,

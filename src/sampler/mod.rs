@@ -17,9 +17,7 @@ use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 use crate::math::hash::hash_words;
 
 /// The families of sequences.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, clap::ValueEnum,
-)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol, the default.

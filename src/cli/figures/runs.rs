@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use image::RgbImage;
 
-use super::{Settings, WIDEST};
+use super::args::{Settings, WIDEST};
 use crate::{
     cli::{
         common::{TransportArgs, load_scene},
@@ -20,6 +20,7 @@ use crate::{
         table::Entry,
     },
     import::Loaded,
+    integrator::Observer,
     lighting::Lighting,
     objective::{LuminanceMode, Target},
     variables::FreeKinds,
@@ -60,6 +61,14 @@ pub(super) const TIMING_HEADER: [&str; 10] = [
     "seconds",
 ];
 
+/// Fails after Ctrl-C.
+pub(super) fn stop_if_interrupted(console: &Console, out: &Path) -> anyhow::Result<()> {
+    if console.cancelled() {
+        bail!("interrupted; what was finished is in {}", out.display());
+    }
+    Ok(())
+}
+
 impl Runner<'_> {
     fn options(&self, directory: &str, free: FreeKinds) -> anyhow::Result<RunOptions> {
         let jobs = LOOKS.iter().map(|look| {
@@ -96,7 +105,7 @@ impl Runner<'_> {
         let subject = Subject { scene, path: &path, authored: &authored, wishes };
         let reports =
             design::run(subject, options, self.console).with_context(|| path.display().to_string())?;
-        super::workshop::stop_if_interrupted(self.console, self.out)?;
+        stop_if_interrupted(self.console, self.out)?;
         Ok(reports)
     }
 

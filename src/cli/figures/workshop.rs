@@ -1,16 +1,13 @@
 //! Makes the parts one after another and writes them down.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde_json::json;
 
 use super::{
-    FiguresArgs, Settings,
-    runs::{Done, Runner, TIMING_HEADER},
+    args::{FiguresArgs, Settings},
+    runs::{Done, Runner, TIMING_HEADER, stop_if_interrupted},
 };
 use crate::{
     audit::write_whole,
@@ -27,7 +24,7 @@ use crate::{
         table::{Entry, Table},
         tables,
     },
-    integrator::{Observer, RenderError},
+    integrator::RenderError,
     objective::Target,
 };
 
@@ -40,14 +37,6 @@ pub(super) struct Workshop<'a> {
     manifest: Manifest,
     blocks: Vec<Block>,
     seconds: Vec<Vec<Entry>>,
-}
-
-/// Fails after Ctrl-C.
-pub(super) fn stop_if_interrupted(console: &Console, out: &Path) -> anyhow::Result<()> {
-    if console.cancelled() {
-        bail!("interrupted; what was finished is in {}", out.display());
-    }
-    Ok(())
 }
 
 impl<'a> Workshop<'a> {
@@ -63,7 +52,7 @@ impl<'a> Workshop<'a> {
     ) -> anyhow::Result<Self> {
         let out = args.out.as_path();
         fs::create_dir_all(out).with_context(|| format!("{}: cannot make the directory", out.display()))?;
-        if args.force {
+        if args.pictures.force {
             manifest::clear(out)?;
         }
         let transport = &args.transport;
@@ -94,7 +83,8 @@ impl<'a> Workshop<'a> {
             files: Default::default(),
             timings: Vec::new(),
         };
-        let runner = Runner { scenes: &args.scenes, out, settings, transport, console, force: args.force };
+        let runner =
+            Runner { scenes: &args.scenes, out, settings, transport, console, force: args.pictures.force };
         let workshop = Self { runner, manifest, blocks: Vec::new(), seconds: Vec::new() };
         workshop.save()?;
         Ok(workshop)
