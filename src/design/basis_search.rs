@@ -12,11 +12,11 @@ use rayon::prelude::*;
 
 use super::{
     Reporter, RunError, check,
-    look::{Found, LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
+    look::{LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
     precision::{LEAST_SAMPLES, Precision},
     search::{self, Polished, Trial},
     seeds::{Purpose, seed_for},
-    setup::{Setup, Task},
+    setup::{Found, Setup, Task},
     working_basis::{Focus, REPLICATES, WorkingBasis},
 };
 use crate::{

@@ -7,9 +7,8 @@ use super::{
     deadline::Deadline,
     observer::Unstoppable,
     precision::{MAX_SAMPLES, Precision},
-    run::MAX_TOGETHER,
     setup::Setup,
-    working_basis::{Focus, REPLICATES},
+    working_basis::{Focus, MAX_TOGETHER, REPLICATES},
 };
 use crate::{
     film::RgbFilm,

@@ -7,13 +7,12 @@ use serde_json::{Value, json};
 
 use super::{
     Progress, Reporter, RunError,
-    look::Found,
     observer::Unstoppable,
     pictures::attribute,
     precision::{MAX_SAMPLES, Precision},
     render::{Budget, MeasuredPicture},
     seeds::{Purpose, seed_for},
-    setup::{Setup, Stage, Task},
+    setup::{Found, Setup, Stage, Task},
 };
 use crate::{
     audit::picture,

@@ -6,13 +6,12 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    RunError,
-    attainable::{self, Reach},
+    RunError, attainable,
     evaluator::Evaluator,
     pictures::attribute,
     precision::{AIMED_SAMPLES, LEAST_SAMPLES, MAX_SAMPLES, Precision},
     search::{self, Polished, Trial},
-    setup::{Setup, Task},
+    setup::{Found, Setup, Task},
     working_basis::WorkingBasis,
 };
 use crate::{
@@ -24,20 +23,6 @@ use crate::{
 pub const MAX_REFOCUS: u32 = 4;
 /// Times that samples are added for the tolerance.
 const MAX_ADDITIONS: u32 = 6;
-
-/// What was found for one target.
-pub struct Found {
-    /// The point, in the unit cube.
-    pub u: Vec<f64>,
-    /// f_q there, from samples that chose nothing.
-    pub check: JackknifeEstimate,
-    /// Evaluations with gradient.
-    pub evaluations: u32,
-    /// Why the last search ended.
-    pub stop: StopReason,
-    /// What of each term the lights can reach.
-    pub reach: Vec<Reach>,
-}
 
 /// What to do next.
 #[derive(Clone, Copy, Debug, PartialEq)]

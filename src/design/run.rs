@@ -8,25 +8,19 @@ use serde_json::json;
 use super::{
     Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search,
     deadline::Deadline,
-    differences,
-    look::Found,
-    manifest, pictures,
+    differences, manifest, pictures,
     precision::Precision,
-    setup::{Setup, Stage, Task},
-    working_basis::{BasisPlan, REDUCTION, WorkingBasis},
+    setup::{Found, Setup, Stage, Task},
+    working_basis::{BasisPlan, MAX_TOGETHER, REDUCTION, WorkingBasis},
 };
 use crate::{
     audit::{AuditError, RunDir},
     files::atomic::{probe, sweep},
     integrator::{View, aov},
-    light::SizeDensity,
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
     scene::Scene,
     variables::{Fitted, Survey},
 };
-
-/// Targets optimised together at most: each has its own part of the samples.
-pub(super) const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
 
 /// Runs the whole design of a scene and records it; a report per job.
 ///

@@ -1,12 +1,13 @@
 //! What all looks of a run have in common, and what each has of its own.
 
-use super::{Job, Reporter, RunOptions, deadline::Deadline, render::Renderer};
+use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, render::Renderer};
 use crate::{
     audit::RunDir,
     camera::Camera,
     integrator::{View, aov::Aovs},
     lighting::{Lighting, SampleCounts, SamplingPlan},
-    objective::{Objective, Target},
+    objective::{JackknifeEstimate, Objective, Target},
+    optim::StopReason,
     scene::Scene,
     variables::{Fitted, ParamVector, Wishes},
 };
@@ -113,4 +114,18 @@ pub(super) struct Task<'a> {
     pub starts: Vec<(String, Vec<f64>)>,
     /// The record.
     pub dir: RunDir,
+}
+
+/// What was found for one target.
+pub(super) struct Found {
+    /// The point, in the unit cube.
+    pub u: Vec<f64>,
+    /// f_q there, from samples that chose nothing.
+    pub check: JackknifeEstimate,
+    /// Evaluations with gradient.
+    pub evaluations: u32,
+    /// Why the last search ended.
+    pub stop: StopReason,
+    /// What of each term the lights can reach.
+    pub reach: Vec<Reach>,
 }

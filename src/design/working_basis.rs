@@ -6,7 +6,6 @@ use super::{
     Reporter, RunError,
     evaluator::Evaluator,
     observer::Unstoppable,
-    run::MAX_TOGETHER,
     seeds::{Purpose, seed_for},
     setup::{Setup, Stage},
 };
@@ -19,10 +18,12 @@ use crate::{
     math::hash::{hash_bytes, hash_words},
     objective::Objective,
     scene::Scene,
-    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
     variables::{BasisRanges, VariableKind},
 };
 
+/// Targets optimised together at most: each has its own part of the samples.
+pub const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
 /// Replicates of a basis and of a check, from which errors are estimated: the fewest from which a
 /// standard error can be told, since every table is kept once a replicate.
 pub const REPLICATES: usize = 4;
@@ -169,7 +170,7 @@ impl BasisPlan {
         let pixels = u64::from(stage.options.work_size.element_product());
         let samples = u64::from(self.batch * REPLICATES as u32) * pixels;
         let subpaths = integrator.kind.light_subpaths(samples, plan.counts);
-        self.layout(stage, None).splat_memory(subpaths, integrator.max_depth)
+        splat_memory(&self.layout(stage, None), subpaths, integrator.max_depth)
     }
 
     /// The layout of a basis around different lights for as many looks as there may be at once.

@@ -2,11 +2,10 @@
 
 use glam::{UVec2, Vec2, Vec3};
 
-use super::{Integrator, Samples, Values, View, bdpt};
+use super::{Integrator, Values, View};
 use crate::{
     bsdf::Affine,
     camera::Camera,
-    film::RowRecorder,
     light::{Crossing, Light, LightId, LightLeSample, LightLiSample, LightPoint, SizeDensity},
     lighting::{SampleCounts, SamplingPlan},
     math::{AreaPdf, NodeRgb, Pmf, SolidAnglePdf},
@@ -40,23 +39,17 @@ impl<'a, const N: usize> Context<'a, N> {
         Self { integrator, scene, camera, values, plan, counts: without_repeats(plan.counts, scene) }
     }
 
-    /// Takes the samples of a row of pixels.
-    pub(super) fn render_row(&self, row: &mut impl RowRecorder<N>, samples: &Samples, y: u32, width: u32) {
-        let mut sampler = Sampler::new(samples.sampler, samples.seed);
-        let mut workspace = bdpt::Workspace::default();
-        for x in 0..width {
-            row.set_pixel(x as usize);
-            let pixel = UVec2::new(x, y);
-            for index in samples.first..samples.first + samples.count {
-                sampler.start(pixel, index);
-                self.integrator.kind.sample(self, &mut sampler, pixel, &mut workspace, row);
-            }
-        }
+    /// Origin and direction of the ray of a sample of `pixel`: a point of the lens, and toward what
+    /// it sees at a point of the pixel.
+    #[inline]
+    pub(super) fn camera_ray(&self, sampler: &mut Sampler, pixel: UVec2) -> (Vec3, Vec3) {
+        let raster = film_position(pixel, sampler.next_2d());
+        self.camera.ray(raster, sampler.next_2d())
     }
 
     /// The light of an index.
     #[inline]
-    pub(super) fn light(&self, id: LightId) -> SampledLight<'a> {
+    pub fn light(&self, id: LightId) -> SampledLight<'a> {
         SampledLight {
             light: &self.scene.lights[id as usize],
             q: &self.plan.sizes[id as usize],
@@ -92,7 +85,7 @@ impl<'a, const N: usize> Context<'a, N> {
 
     /// Expected number of light samples per camera subpath at the end of one of `n_edges` edges;
     /// the lens, at 0 edges, gets one with each light subpath.
-    pub(super) fn samples_at(&self, n_edges: usize) -> f32 {
+    pub fn samples_at(&self, n_edges: usize) -> f32 {
         match n_edges {
             0 => self.light_subpaths(),
             _ => self.light_samples_at(n_edges) as f32,
@@ -105,9 +98,15 @@ impl<'a, const N: usize> Context<'a, N> {
     }
 
     /// Light subpaths for each camera subpath.
-    pub(super) fn light_subpaths(&self) -> f32 {
+    pub fn light_subpaths(&self) -> f32 {
         1.0 / self.counts.camera_subpaths as f32
     }
+}
+
+/// Raster position of a sample: uniform over the pixel.
+fn film_position(pixel: UVec2, u: Vec2) -> Vec2 {
+    // Rounding must not push a sample of one pixel into the next.
+    (pixel.as_vec2() + u).min((pixel + UVec2::ONE).as_vec2() * crate::math::ONE_MINUS_EPSILON)
 }
 
 /// The counts without samples that would only repeat others: all samples of a point are one.
@@ -123,7 +122,7 @@ fn without_repeats(counts: SampleCounts, scene: &Scene) -> SampleCounts {
 
 /// A light with its place in the sampling plan.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SampledLight<'a> {
+pub struct SampledLight<'a> {
     /// The light.
     pub light: &'a Light,
     /// Distribution of its size coordinate.

@@ -1,10 +1,8 @@
 //! The integrators there are, and what the rest of the program asks of each.
 
-use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use super::{Context, bdpt, path};
-use crate::{film::Recorder, lighting::SampleCounts, sampler::Sampler};
+use crate::lighting::SampleCounts;
 
 /// The closed set of integrators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,21 +44,6 @@ impl IntegratorKind {
         match self {
             Self::Path => 0,
             Self::Bdpt => samples.div_ceil(u64::from(counts.camera_subpaths)),
-        }
-    }
-
-    /// Traces one sample of `pixel` and records all light that it finds.
-    pub(super) fn sample<'a, const N: usize>(
-        self,
-        context: &Context<'a, N>,
-        sampler: &mut Sampler,
-        pixel: UVec2,
-        workspace: &mut bdpt::Workspace<'a, N>,
-        recorder: &mut impl Recorder<N>,
-    ) {
-        match self {
-            Self::Path => path::sample(context, sampler, pixel, recorder),
-            Self::Bdpt => bdpt::sample(context, sampler, pixel, workspace, recorder),
         }
     }
 }

@@ -10,82 +10,23 @@ pub mod bdpt;
 mod context;
 mod direct;
 mod kind;
+mod options;
 pub mod path;
+mod roulette;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use crate::{
-    camera::Camera,
     film::{Contribution, Film, Recorder, RowRecorder},
     lighting::{Lighting, SamplingPlan},
-    math::{Rgb, hash::hash_words},
-    sampler::SamplerKind,
-    scene::Scene,
+    sampler::Sampler,
 };
 
 pub use crate::film::Strategy;
-pub use context::Context;
+pub use context::{Context, SampledLight};
 pub use kind::IntegratorKind;
-
-/// Multiple importance sampling heuristic. \[Veach97\] 9.2.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Heuristic {
-    /// Weights proportional to the densities.
-    Balance,
-    /// Weights proportional to the squared densities.
-    #[default]
-    Power,
-}
-
-impl Heuristic {
-    /// The heuristic's function of a density or ratio of densities.
-    #[must_use]
-    pub fn apply(self, x: f64) -> f64 {
-        match self {
-            Self::Balance => x,
-            Self::Power => x * x,
-        }
-    }
-}
-
-/// An integrator with its options.
-#[derive(Clone, Copy, Debug)]
-pub struct Integrator {
-    /// Which.
-    pub kind: IntegratorKind,
-    /// Edges after the camera, at least 1.
-    pub max_depth: usize,
-    /// Weights of the bidirectional strategies.
-    pub heuristic: Heuristic,
-}
-
-impl Default for Integrator {
-    fn default() -> Self {
-        Self { kind: IntegratorKind::Bdpt, max_depth: 8, heuristic: Heuristic::Power }
-    }
-}
-
-/// Which samples of which sequence to take.
-#[derive(Clone, Copy, Debug)]
-pub struct Samples {
-    /// Family of sequences.
-    pub sampler: SamplerKind,
-    /// Scramble of the whole picture.
-    pub seed: u64,
-    /// First sample index of every pixel.
-    pub first: u32,
-    /// Samples per pixel.
-    pub count: u32,
-}
-
-impl Samples {
-    /// The same samples of an independent scramble, the `r`-th.
-    #[must_use]
-    pub fn replicate(self, r: u64) -> Self {
-        Self { seed: hash_words(&[self.seed, r]), ..self }
-    }
-}
+pub use options::{Heuristic, Integrator, Samples, Values, View};
 
 /// Why a render has no picture.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -124,15 +65,6 @@ pub trait Observer: Sync {
 /// Watches nothing.
 impl Observer for () {
     fn advance(&self, _rows: u64) {}
-}
-
-/// A scene as a camera sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The camera, whose film size is that of the picture.
-    pub camera: &'a Camera,
 }
 
 impl Integrator {
@@ -198,7 +130,7 @@ impl Integrator {
             row.open();
             for samples in replicates {
                 if !observer.cancelled() {
-                    context.render_row(&mut row, samples, y as u32, width);
+                    render_row(&context, &mut row, samples, y as u32, width);
                     row.end_replicate();
                     observer.advance(1);
                 }
@@ -222,30 +154,27 @@ impl Integrator {
     }
 }
 
-/// Values of the background at which light is carried, the largest first.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Values<const N: usize>(pub [f32; N]);
-
-/// Edges after which Russian roulette begins.
-const ROULETTE_START: usize = 3;
-/// A subpath survives at least this often, so that no light it could still
-/// meet becomes a rare and bright event.
-const MIN_SURVIVAL: f32 = 0.1;
-
-/// Russian roulette after `n_edges`: the factor on the throughput of a
-/// survivor, or `None`. \[Veach97\] 10.4.1.
-fn roulette(n_edges: usize, throughput: Rgb, u: f32) -> Option<f32> {
-    if n_edges < ROULETTE_START {
-        return Some(1.0);
+/// Takes the samples of row `y` of a film that is `width` pixels wide.
+fn render_row<const N: usize>(
+    context: &Context<N>,
+    row: &mut impl RowRecorder<N>,
+    samples: &Samples,
+    y: u32,
+    width: u32,
+) {
+    let mut sampler = Sampler::new(samples.sampler, samples.seed);
+    let mut workspace = bdpt::Workspace::default();
+    for x in 0..width {
+        row.set_pixel(x as usize);
+        let pixel = UVec2::new(x, y);
+        for index in samples.first..samples.first + samples.count {
+            sampler.start(pixel, index);
+            match context.integrator.kind {
+                IntegratorKind::Path => path::sample(context, &mut sampler, pixel, row),
+                IntegratorKind::Bdpt => bdpt::sample(context, &mut sampler, pixel, &mut workspace, row),
+            }
+        }
     }
-    let survival = throughput.max_element().clamp(MIN_SURVIVAL, 1.0);
-    (u < survival).then_some(1.0 / survival)
-}
-
-/// Raster position of a sample: uniform over the pixel.
-fn film_position(pixel: UVec2, u: Vec2) -> Vec2 {
-    // Rounding must not push a sample of one pixel into the next.
-    (pixel.as_vec2() + u).min((pixel + UVec2::ONE).as_vec2() * crate::math::ONE_MINUS_EPSILON)
 }
 
 /// Used by tests and tools that look at contributions one by one.

@@ -5,7 +5,7 @@
 
 use glam::UVec2;
 
-use super::{Context, Heuristic, Strategy, direct::LightChoice, film_position, roulette};
+use super::{Context, Heuristic, Strategy, direct::LightChoice, roulette::roulette};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
@@ -21,8 +21,7 @@ pub fn sample<const N: usize>(
     pixel: UVec2,
     recorder: &mut impl Recorder<N>,
 ) {
-    let raster = film_position(pixel, sampler.next_2d());
-    let (mut org, mut dir) = context.camera.ray(raster, sampler.next_2d());
+    let (mut org, mut dir) = context.camera_ray(sampler, pixel);
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
 

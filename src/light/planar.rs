@@ -4,36 +4,8 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Crossing, LightLeSample, LightLiSample, LightPoint, Resizable, SizeDensity};
+use super::{Crossing, LightLeSample, LightLiSample, LightPoint, Outline, Resizable, SizeDensity};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
-
-/// Outline at unit size.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outline {
-    /// Half-extents along the frame's tangents, metres.
-    Rectangle {
-        /// Half-extent along `s`.
-        a: f32,
-        /// Half-extent along `t`.
-        b: f32,
-    },
-    /// Radius, metres.
-    Disk {
-        /// Radius.
-        r: f32,
-    },
-}
-
-impl Outline {
-    /// The larger half-extent, or the radius, metres.
-    #[must_use]
-    pub fn extent(&self) -> f32 {
-        match *self {
-            Self::Rectangle { a, b } => a.max(b),
-            Self::Disk { r } => r,
-        }
-    }
-}
 
 /// A cone of emission with a soft edge.
 #[derive(Clone, Copy, Debug, PartialEq)]

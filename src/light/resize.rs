@@ -2,7 +2,33 @@
 
 use glam::Vec3;
 
-use super::Outline;
+/// Outline at unit size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outline {
+    /// Half-extents along the frame's tangents, metres.
+    Rectangle {
+        /// Half-extent along `s`.
+        a: f32,
+        /// Half-extent along `t`.
+        b: f32,
+    },
+    /// Radius, metres.
+    Disk {
+        /// Radius.
+        r: f32,
+    },
+}
+
+impl Outline {
+    /// The larger half-extent, or the radius, metres.
+    #[must_use]
+    pub fn extent(&self) -> f32 {
+        match *self {
+            Self::Rectangle { a, b } => a.max(b),
+            Self::Disk { r } => r,
+        }
+    }
+}
 
 /// A light whose size may vary.
 pub trait Resizable {

@@ -8,7 +8,10 @@ use std::sync::{
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::{COLOURS, Layout, kernels};
+use super::{
+    kernels,
+    layout::{COLOURS, Layout},
+};
 use crate::{
     film::{Contribution, Film, Recorder, RowRecorder},
     math::NodeRgb,
@@ -39,10 +42,18 @@ pub struct BasisFilm<'a, const N: usize> {
     non_finite: AtomicU64,
 }
 
-/// Most bytes that light subpaths leave until the end of a render of `n_subpaths` of them, each of
-/// at most `max_depth` vertices that see the lens.
-pub(super) fn splat_bytes<const N: usize>(n_subpaths: u64, max_depth: usize) -> u64 {
-    n_subpaths * max_depth as u64 * size_of::<Splat<N>>() as u64
+/// Upper bound of the memory, bytes, that a render of a basis keeps until its end for the
+/// contributions of `n_subpaths` light subpaths, each of at most `max_depth` vertices that see the
+/// lens.
+#[must_use]
+pub fn splat_memory(layout: &Layout, n_subpaths: u64, max_depth: usize) -> u64 {
+    let size = match layout.nodes.len() {
+        1 => size_of::<Splat<1>>(),
+        2..=8 => size_of::<Splat<8>>(),
+        9..=16 => size_of::<Splat<16>>(),
+        _ => size_of::<Splat<32>>(),
+    };
+    n_subpaths * max_depth as u64 * size as u64
 }
 
 /// A contribution of a light subpath.

@@ -20,12 +20,12 @@
 mod film;
 mod kernels;
 pub mod knots;
+mod layout;
 mod linearised;
 pub mod nodes;
 mod recombine;
 pub mod store;
 
-use glam::UVec2;
 use rayon::prelude::*;
 
 use crate::{
@@ -34,118 +34,13 @@ use crate::{
     sampler::SamplerKind,
 };
 
-pub use film::BasisFilm;
+pub use film::{BasisFilm, splat_memory};
 pub use knots::Knots;
+use layout::COLOURS;
+pub use layout::{Layout, LightCells, SizeBins};
 pub use linearised::Linearised;
 pub use nodes::ValueNodes;
 pub use recombine::{LightingGradient, Recombination, Tables, Tangents};
-
-/// Channels in the table of colour: red and blue.
-const COLOURS: usize = 2;
-
-/// The cells of a light.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightCells {
-    /// The first of its cells.
-    pub first_cell: usize,
-    /// Knots of a free size.
-    pub knots: Option<Knots>,
-    /// The size when it is not free.
-    pub size: f32,
-}
-
-impl LightCells {
-    /// Number of its cells.
-    #[must_use]
-    pub fn n_cells(&self) -> usize {
-        self.knots.as_ref().map_or(1, Knots::len)
-    }
-}
-
-/// What a basis keeps apart.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// Film size, pixels.
-    pub size: UVec2,
-    /// The lights, in the scene's order.
-    pub lights: Vec<LightCells>,
-    /// Nodes of the background's value.
-    pub nodes: ValueNodes,
-}
-
-/// A light's size in a basis.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SizeBins {
-    /// Kept at a size.
-    Fixed(f32),
-    /// Free between the first and the last knot.
-    Free(Knots),
-}
-
-impl Layout {
-    /// A layout of a film for lights with these sizes.
-    #[must_use]
-    pub fn new(size: UVec2, sizes: Vec<SizeBins>, nodes: ValueNodes) -> Self {
-        let mut first_cell = 0;
-        let lights = sizes
-            .into_iter()
-            .map(|bins| {
-                let light = match bins {
-                    SizeBins::Fixed(size) => LightCells { first_cell, knots: None, size },
-                    SizeBins::Free(knots) => {
-                        let size = knots.sizes().last().copied().unwrap_or(0.0) as f32;
-                        LightCells { first_cell, knots: Some(knots), size }
-                    }
-                };
-                first_cell += light.n_cells();
-                light
-            })
-            .collect();
-        Self { size, lights, nodes }
-    }
-
-    /// Number of pixels.
-    #[must_use]
-    pub fn n_pixels(&self) -> usize {
-        self.size.element_product() as usize
-    }
-
-    /// Number of cells of all lights.
-    #[must_use]
-    pub fn n_cells(&self) -> usize {
-        self.lights.iter().map(LightCells::n_cells).sum()
-    }
-
-    /// Rows of a table: cells times value nodes.
-    #[must_use]
-    pub fn n_rows(&self) -> usize {
-        self.n_cells() * self.nodes.len()
-    }
-
-    /// Memory of a basis of `replicates` replicates, bytes: a table of luminance each and the
-    /// table of colour.
-    #[must_use]
-    pub fn table_memory(&self, replicates: usize) -> u64 {
-        self.table_bytes() * (replicates + COLOURS) as u64
-    }
-
-    /// Most memory, bytes, that light subpaths leave until the end of a render of `n_subpaths` of
-    /// them that may see the lens from `max_depth` vertices each.
-    #[must_use]
-    pub fn splat_memory(&self, n_subpaths: u64, max_depth: usize) -> u64 {
-        match self.nodes.len() {
-            1 => film::splat_bytes::<1>(n_subpaths, max_depth),
-            2..=8 => film::splat_bytes::<8>(n_subpaths, max_depth),
-            9..=16 => film::splat_bytes::<16>(n_subpaths, max_depth),
-            _ => film::splat_bytes::<32>(n_subpaths, max_depth),
-        }
-    }
-
-    /// Memory of a table of one number per pixel, cell and node.
-    fn table_bytes(&self) -> u64 {
-        (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
-    }
-}
 
 /// A rendered basis.
 ///

@@ -2,7 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::{COLOURS, Layout, TransportBasis, kernels};
+use super::{
+    TransportBasis, kernels,
+    layout::{COLOURS, Layout},
+};
 use crate::{film::Picture, lighting::Lighting, math::display::LUMINANCE_WEIGHTS};
 
 /// One row of the tables in an image, with the derivatives of its weight.

@@ -16,7 +16,7 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{COLOURS, Knots, Layout, SizeBins, TransportBasis, ValueNodes};
+use super::{Knots, Layout, SizeBins, TransportBasis, ValueNodes, layout::COLOURS};
 use crate::{
     files::{atomic::AtomicWriteError, write_atomically},
     math::hash::hash_words,

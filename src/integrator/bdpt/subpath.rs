@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::{
-    super::{Context, Heuristic, Strategy, film_position, roulette},
+    super::{Context, Heuristic, Strategy, roulette::roulette},
     vertex::{Vertex, VertexKind},
     weight::Partial,
 };
@@ -25,8 +25,7 @@ pub fn trace_camera<'a, const N: usize>(
     out: &mut Vec<Vertex<'a, N>>,
     recorder: &mut impl Recorder<N>,
 ) {
-    let raster = film_position(pixel, sampler.next_2d());
-    let (org, dir) = context.camera.ray(raster, sampler.next_2d());
+    let (org, dir) = context.camera_ray(sampler, pixel);
     out.clear();
     out.push(Vertex {
         kind: VertexKind::Camera,
