@@ -159,7 +159,7 @@ pub fn degenerate(result: &Evaluation, variables: &ParamVector, x: &[f64]) -> Op
     let advice = if at.clone().all(|(v, _)| v.kind.keyword() != "background") {
         "let the background's value vary (--free, or a background material in the sidecar)".to_owned()
     } else {
-        at.find_map(|(v, &x)| v.kind.advice_for_darkness(v, x)).unwrap_or_else(|| {
+        at.find_map(|(v, &x)| v.advice_for_darkness(x)).unwrap_or_else(|| {
             "move or narrow a light, so that it lights the object and not the background".to_owned()
         })
     };

@@ -108,7 +108,7 @@ impl<'a> Evaluator<'a> {
     #[must_use]
     pub fn lower_bounds(&self) -> Vec<f64> {
         let variables = self.variables.variables.iter();
-        variables.map(|v| v.encode(v.kind.least_sampled(v, self.least_sizes))).collect()
+        variables.map(|v| v.encode(v.least_sampled(self.least_sizes))).collect()
     }
 
     /// Images of the replicates, encoded for the display: the mean and the means

@@ -19,7 +19,7 @@ use crate::{
     objective::Objective,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
-    variables::{BasisRanges, VariableKind},
+    variables::BasisRanges,
 };
 
 /// Targets optimised together at most: each has its own part of the samples.
@@ -125,10 +125,7 @@ impl BasisPlan {
     /// When even the fewest knots need more memory than allowed.
     pub fn new(stage: &Stage, reporter: &impl Reporter) -> Result<Self, RunError> {
         let options = stage.options;
-        let mut ranges = BasisRanges { sizes: vec![None; stage.scene.lights.len()], largest_value: None };
-        for kind in VariableKind::all().filter(|kind| options.free.contains(kind.keyword())) {
-            kind.open(stage.fitted, stage.wishes, &mut ranges);
-        }
+        let ranges = stage.fitted.basis_ranges(stage.wishes, &options.free);
         let knots = if options.cache.is_some() { KEPT_KNOTS } else { KNOTS };
         let mut plan = Self { ranges, knots, batch: BATCH, fixed: stage.fitted.lighting.clone() };
         while plan.splat_memory(stage) > options.memory / BATCH_SHARE && plan.batch > 1 {

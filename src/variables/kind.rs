@@ -1,19 +1,11 @@
-//! What a kind of variable is, and the table of all.
+//! What a kind of variable is.
 
 use std::fmt;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
+use serde::{Serialize, Serializer};
 
-use super::{
-    Fitted, Range, Survey, Variable, Wishes, background::Background, radiance::Radiance, size::Size,
-};
+use super::Range;
 use crate::{lighting::Lighting, transport::LightingGradient};
-
-/// All kinds, in the order in which the variables of a light are listed.
-pub static KINDS: [&dyn Kind; 3] = [&Radiance, &Size, &Background];
-
-/// Keywords of all kinds, in the order of [`KINDS`].
-pub const KEYWORDS: [&str; 3] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD];
 
 /// What has a variable of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,9 +30,9 @@ pub trait Kind: fmt::Debug + Sync {
     /// The last part of a variable's name, `OWNER.suffix`.
     fn suffix(&self) -> &'static str;
 
-    /// Bounds and start of the variable of a light, or of the scene (`light` is then 0); `None`
-    /// where it is not free or has no effect.
-    fn range(&self, survey: &Survey, light: usize) -> Option<Range>;
+    /// Bounds, start and scale of the variable that a light has where it is free, or the scene
+    /// (`light` is then 0); `None` where it has no effect.
+    fn range(&self, scene: &SurveyedScene, light: usize) -> Option<Range>;
 
     /// The value in a lighting.
     fn value<'x>(&self, x: &'x mut Lighting, light: usize) -> &'x mut f64;
@@ -48,12 +40,13 @@ pub trait Kind: fmt::Debug + Sync {
     /// Derivative by the value of a number whose gradient by the lighting is given.
     fn derivative(&self, gradient: &LightingGradient, light: usize) -> f64;
 
-    /// Lets a transport basis hold all values that the variable may take.
-    fn open(&self, _fitted: &Fitted, _wishes: &Wishes, _ranges: &mut BasisRanges) {}
+    /// Lets a transport basis hold all values that the free variable of a light may take, or that of
+    /// the scene (`light` is then 0).
+    fn open(&self, _limits: Limits, _light: usize, _ranges: &mut BasisRanges) {}
 
-    /// The value of variable `v` at a start that is matched to a target.
-    fn matched_start(&self, v: &Variable, _start: &MatchedStart) -> f64 {
-        v.initial
+    /// The value of a light's variable at a start that is matched to a target.
+    fn matched_start(&self, range: &Range, _light: usize, _start: &MatchedStart) -> f64 {
+        range.initial
     }
 
     /// Power of the variable to which its light's flux is proportional; `None` for a variable that
@@ -68,23 +61,55 @@ pub trait Kind: fmt::Debug + Sync {
         false
     }
 
-    /// Least value of variable `v` for which samples are enough, where `least_sizes` are the least
-    /// sizes per light within which enough samples lie.
-    fn least_sampled(&self, v: &Variable, _least_sizes: &[f64]) -> f64 {
-        v.lower
+    /// Least value of a light's variable for which samples are enough, where `least_sizes` are the
+    /// least sizes per light within which enough samples lie.
+    fn least_sampled(&self, range: &Range, _light: usize, _least_sizes: &[f64]) -> f64 {
+        range.lower
     }
 
-    /// What a user may do about an object that stays black, where variable `v` stands at `value`.
-    fn advice_for_darkness(&self, _v: &Variable, _value: f64) -> Option<String> {
+    /// What a user may do about an object that stays black, where the variable called `name` stands
+    /// at `value`.
+    fn advice_for_darkness(&self, _name: &str, _range: &Range, _value: f64) -> Option<String> {
         None
     }
+}
+
+/// Least and largest size of a light; `None` for a light without size.
+pub type SizeBounds = Option<[f32; 2]>;
+
+/// Bounds that geometry and materials set on the variables.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits<'a> {
+    /// Least and largest size per light, in the scene's order.
+    pub sizes: &'a [SizeBounds],
+    /// Least and largest value of the background; `None` without background.
+    pub value: Option<[f32; 2]>,
+}
+
+/// What the survey found of a scene, from which the ranges of its variables follow. Vectors are by
+/// light, in the scene's order.
+#[derive(Clone, Debug)]
+pub struct SurveyedScene<'a> {
+    /// Bounds that geometry and materials set.
+    pub limits: Limits<'a>,
+    /// The author's sizes brought within their bounds.
+    pub sizes: &'a [f64],
+    /// Unit of the radiance.
+    pub units: Vec<&'static str>,
+    /// Upper bound that the author sets on the radiance.
+    pub radiance_max: Vec<Option<f32>>,
+    /// Radiance at which the light alone shows what it lights at
+    /// [`BRIGHT`](super::survey::BRIGHT).
+    pub bright: &'a [f64],
+    /// Radiance at the neutral start.
+    pub neutral: Vec<f64>,
 }
 
 /// What a transport basis must hold beyond a single lighting.
 #[derive(Clone, Debug)]
 pub struct BasisRanges {
     /// Least and largest size per light whose size varies.
-    pub sizes: Vec<Option<[f32; 2]>>,
+    pub sizes: Vec<SizeBounds>,
     /// Largest value of a background that varies.
     pub largest_value: Option<f32>,
 }
@@ -100,7 +125,7 @@ pub struct MatchedStart<'a> {
     pub value: f64,
 }
 
-/// A reference to one of [`KINDS`].
+/// A reference to one of [`KINDS`](super::KINDS).
 ///
 /// ```
 /// use lightopt_embree::variables::VariableKind;
@@ -111,36 +136,9 @@ pub struct MatchedStart<'a> {
 /// assert!(VariableKind::of_name("sun.size", &lights).is_none());
 /// ```
 #[derive(Clone, Copy)]
-pub struct VariableKind(&'static dyn Kind);
+pub struct VariableKind(pub(super) &'static dyn Kind);
 
 impl VariableKind {
-    /// All kinds.
-    pub fn all() -> impl Iterator<Item = Self> {
-        KINDS.into_iter().map(Self)
-    }
-
-    /// The kind of a keyword.
-    #[must_use]
-    pub fn named(keyword: &str) -> Option<Self> {
-        Self::all().find(|kind| kind.keyword() == keyword)
-    }
-
-    /// The kind and the light's index that a variable's name means; the index is 0 for variables
-    /// of the scene.
-    #[must_use]
-    pub fn of_name(name: &str, lights: &[String]) -> Option<(Self, usize)> {
-        let (owner, suffix) = name.rsplit_once('.')?;
-        let of_light = |kind: &Self| kind.owner() == Owner::Light && kind.suffix() == suffix;
-        let of_scene = |kind: &Self| match kind.owner() {
-            Owner::Scene(part) => part == owner && kind.suffix() == suffix,
-            Owner::Light => false,
-        };
-        if let Some(kind) = Self::all().find(of_scene) {
-            return Some((kind, 0));
-        }
-        Some((Self::all().find(of_light)?, lights.iter().position(|light| light == owner)?))
-    }
-
     /// The name of the variable that a light, or the scene, has of this kind.
     #[must_use]
     pub fn variable_name(self, light: &str) -> String {
@@ -176,12 +174,5 @@ impl fmt::Debug for VariableKind {
 impl Serialize for VariableKind {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.keyword())
-    }
-}
-
-impl<'de> Deserialize<'de> for VariableKind {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let word = String::deserialize(deserializer)?;
-        Self::named(&word).ok_or_else(|| D::Error::unknown_variant(&word, &KEYWORDS))
     }
 }

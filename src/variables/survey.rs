@@ -5,7 +5,7 @@
 //!   sidecar's `size_range`;
 //! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
 //!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
-//! * `L_max`: [`HEADROOM`] times the radiance at which the light alone, at its
+//! * `L_max`: `HEADROOM` = 4 times the radiance at which the light alone, at its
 //!   initial size, shows what it lights at [`BRIGHT`]: the mean of display
 //!   luminance, each pixel weighted by the luminance it receives;
 //! * neutral start: every light contributes the same mean luminance, and
@@ -17,7 +17,8 @@
 use rayon::prelude::*;
 
 use super::{
-    FreeKinds, Kind, MatchedStart, Owner, ParamVector, Range, Variable, VariableKind, Wishes, bounds,
+    BasisRanges, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds, SurveyedScene,
+    Variable, VariableKind, Wishes, bounds,
 };
 use crate::{
     film::Picture,
@@ -29,8 +30,6 @@ use crate::{
 
 /// Display luminance of what a light lights when it is taken to be white.
 pub const BRIGHT: f64 = 0.9;
-/// `L_max` over the radiance that reaches [`BRIGHT`].
-pub const HEADROOM: f64 = 4.0;
 /// Mean display luminance of the start.
 pub const START: f64 = 0.35;
 /// Distance of a matched start from every bound, in the optimiser's units: a
@@ -63,9 +62,6 @@ pub enum SurveyError {
     #[error("light `{light}` is within {distance:.1e} m of a surface at any size; move it away")]
     NoRoom { light: String, distance: f32 },
 }
-
-/// Least and largest size of a light; `None` without size.
-pub type SizeBounds = Option<[f32; 2]>;
 
 /// A scene's lighting brought within the bounds that its geometry sets.
 #[derive(Clone, Debug)]
@@ -144,11 +140,49 @@ impl Fitted {
         Ok(range)
     }
 
+    /// Bounds that geometry and materials set on the variables.
+    fn limits(&self) -> Limits<'_> {
+        Limits { sizes: &self.sizes, value: self.value_range }
+    }
+
+    /// What a transport basis must hold for every variable that is `free` in a run, and that the
+    /// scene's author leaves free, to take all of its values.
+    #[must_use]
+    pub fn basis_ranges(&self, wishes: &Wishes, free: &FreeKinds) -> BasisRanges {
+        let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
+        for kind in VariableKind::all() {
+            for light in owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, wishes, free)) {
+                kind.open(self.limits(), light, &mut ranges);
+            }
+        }
+        ranges
+    }
+
     /// Largest value of the background; 1 without background.
     #[must_use]
     pub fn largest_value(&self) -> f32 {
         self.value_range.map_or(1.0, |[_, largest]| largest)
     }
+}
+
+/// Indices of the lights that may have a variable of a kind, of `n` of them; 0 where the scene has
+/// it.
+fn owners(kind: VariableKind, n: usize) -> std::ops::Range<usize> {
+    match kind.owner() {
+        Owner::Light => 0..n,
+        Owner::Scene(_) => 0..1,
+    }
+}
+
+/// Whether the variable of a kind that a light has, or the scene, is `free` in a run and in the
+/// wishes of the scene's author.
+fn is_free(kind: VariableKind, light: usize, wishes: &Wishes, free: &FreeKinds) -> bool {
+    let keyword = kind.keyword();
+    free.contains(keyword)
+        && match kind.owner() {
+            Owner::Light => wishes.lights[light].free.contains(keyword),
+            Owner::Scene(_) => true,
+        }
 }
 
 /// Bounds of the background's value factor, those that are `wanted` or else by the formulas of this
@@ -241,22 +275,25 @@ impl<'a> Survey<'a> {
         Self { scene, fitted, wishes, free, luminance, images, means, bright, gain }
     }
 
-    /// Whether a kind of variable is free for a light, both in this run and in the author's wishes.
-    #[must_use]
-    pub fn is_free(&self, kind: &dyn Kind, light: usize) -> bool {
-        self.free.contains(kind.keyword()) && self.wishes.lights[light].free.contains(kind.keyword())
+    /// What the ranges of the variables follow from.
+    fn surveyed(&self) -> SurveyedScene<'_> {
+        SurveyedScene {
+            limits: self.fitted.limits(),
+            sizes: &self.fitted.lighting.size,
+            units: self.scene.lights.iter().map(|light| light.unit()).collect(),
+            radiance_max: self.wishes.lights.iter().map(|light| light.radiance_max).collect(),
+            bright: &self.bright,
+            neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
+        }
     }
 
-    /// Radiance of a light in the neutral start.
-    #[must_use]
-    pub fn neutral_radiance(&self, light: usize) -> f64 {
-        self.gain / self.means[light]
-    }
-
-    /// The variable of a kind that a light has, or the scene.
-    fn variable(&self, kind: VariableKind, light: usize) -> Option<Variable> {
+    /// The variable of a kind that a light has, or the scene; `None` where it is not free.
+    fn variable(&self, scene: &SurveyedScene, kind: VariableKind, light: usize) -> Option<Variable> {
+        if !is_free(kind, light, self.wishes, self.free) {
+            return None;
+        }
         // Where both bounds are the same nothing is free.
-        let range = kind.range(self, light).filter(|range| range.lower < range.upper)?;
+        let range = kind.range(scene, light).filter(|range| range.lower < range.upper)?;
         let Range { unit, lower, upper, initial, scale } = range;
         let name = kind.variable_name(&self.scene.lights[light].name);
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
@@ -273,13 +310,14 @@ impl<'a> Survey<'a> {
         if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
             return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
         }
+        let surveyed = self.surveyed();
         let mut variables = Vec::new();
         for light in (0..means.len()).filter(|&l| means[l] > 0.0) {
             let of_light = VariableKind::all().filter(|kind| kind.owner() == Owner::Light);
-            variables.extend(of_light.filter_map(|kind| self.variable(kind, light)));
+            variables.extend(of_light.filter_map(|kind| self.variable(&surveyed, kind, light)));
         }
         let of_scene = VariableKind::all().filter(|kind| kind.owner() != Owner::Light);
-        variables.extend(of_scene.filter_map(|kind| self.variable(kind, 0)));
+        variables.extend(of_scene.filter_map(|kind| self.variable(&surveyed, kind, 0)));
         if variables.is_empty() {
             return Err(SurveyError::NothingFree);
         }
@@ -305,8 +343,7 @@ impl<'a> Survey<'a> {
         let first = ("all lights alike".to_owned(), variables.start());
         let matched = matched.into_par_iter().map(|(name, lit)| {
             let start = self.matched(&lit, mask, targets);
-            let at =
-                |v: &Variable| v.encode(v.kind.matched_start(v, &start)).clamp(OFF_BOUND, 1.0 - OFF_BOUND);
+            let at = |v: &Variable| v.encode(v.matched_start(&start)).clamp(OFF_BOUND, 1.0 - OFF_BOUND);
             (name, variables.variables.iter().map(at).collect())
         });
         std::iter::once(first).chain(matched.collect::<Vec<_>>()).collect()

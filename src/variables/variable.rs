@@ -1,41 +1,13 @@
 //! A free variable, and all of a run.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use super::VariableKind;
+use super::{MatchedStart, Range, Scale, VariableKind};
 use crate::{
     lighting::Lighting,
     math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
     transport::LightingGradient,
 };
-
-/// How `u ∈ [0, 1]` maps to a value between the bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Scale {
-    /// Proportional.
-    Linear,
-    /// In equal ratios: `lower·(upper/lower)^u`, for a positive lower bound.
-    Logarithmic,
-    /// By the sRGB transfer function: even steps look even, and the slope at
-    /// the lower bound is not zero, so that a light that is off can come on.
-    Perceptual,
-}
-
-/// Bounds, start and scale of a variable.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    /// Unit of the value.
-    pub unit: &'static str,
-    /// Least value.
-    pub lower: f64,
-    /// Largest value.
-    pub upper: f64,
-    /// Value at the start.
-    pub initial: f64,
-    /// Map from the optimiser's unit interval.
-    pub scale: Scale,
-}
 
 /// A free variable.
 #[derive(Clone, Debug, Serialize)]
@@ -84,6 +56,31 @@ impl Variable {
 
     fn ratio(&self) -> f64 {
         (self.upper / self.lower).ln()
+    }
+
+    /// Bounds, start and scale.
+    fn range(&self) -> Range {
+        let Self { unit, lower, upper, initial, scale, .. } = *self;
+        Range { unit, lower, upper, initial, scale }
+    }
+
+    /// Value at a start that is matched to a target.
+    #[must_use]
+    pub fn matched_start(&self, start: &MatchedStart) -> f64 {
+        self.kind.matched_start(&self.range(), self.light, start)
+    }
+
+    /// Least value for which samples are enough, where `least_sizes` are the least sizes per light
+    /// within which enough samples lie; empty where every size is sampled enough.
+    #[must_use]
+    pub fn least_sampled(&self, least_sizes: &[f64]) -> f64 {
+        self.kind.least_sampled(&self.range(), self.light, least_sizes)
+    }
+
+    /// What a user may do about an object that stays black, where the variable stands at `value`.
+    #[must_use]
+    pub fn advice_for_darkness(&self, value: f64) -> Option<String> {
+        self.kind.advice_for_darkness(&self.name, &self.range(), value)
     }
 
     /// The `u` of a value, cut to [0, 1].
