@@ -16,7 +16,6 @@
 
 pub mod connect;
 pub mod subpath;
-pub mod verify;
 pub mod vertex;
 pub mod weight;
 
