@@ -123,12 +123,6 @@ impl RunDir {
         })
     }
 
-    /// The directory.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
     /// Appends an evaluation.
     ///
     /// # Errors

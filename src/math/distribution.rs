@@ -33,18 +33,6 @@ impl Discrete {
         Some(Self { pmf: weights.iter().map(|w| (w / total) as f32).collect(), cdf })
     }
 
-    /// Number of members.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.pmf.len()
-    }
-
-    /// Whether there are no members.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.pmf.is_empty()
-    }
-
     /// Probability of a member.
     #[must_use]
     pub fn pmf(&self, i: usize) -> f32 {
