@@ -1,10 +1,10 @@
-//! The integrators there are, and what the rest of the program asks of each.
+//! Kinds of integrators, and what the rest of the program asks of each.
 
 use serde::{Deserialize, Serialize};
 
 use crate::lighting::SampleCounts;
 
-/// The closed set of integrators.
+/// Closed set of integrators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum IntegratorKind {
@@ -16,10 +16,10 @@ pub enum IntegratorKind {
 }
 
 impl IntegratorKind {
-    /// Every integrator, in the order in which the help lists them.
+    /// All integrators, in the order in which the help lists them.
     pub const ALL: [Self; 2] = [Self::Bdpt, Self::Path];
 
-    /// The word for it in records, and the flag that asks for it.
+    /// Word for the integrator in records, and in the flag that asks for it.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -28,7 +28,7 @@ impl IntegratorKind {
         }
     }
 
-    /// What it is and what it is best for, as a phrase for the help.
+    /// Description of the integrator and of the scenes for which it is best, as a phrase for the help.
     #[must_use]
     pub fn help(self) -> &'static str {
         match self {
@@ -37,8 +37,8 @@ impl IntegratorKind {
         }
     }
 
-    /// Number of light subpaths that `samples` camera subpaths bring with them; each may be splatted
-    /// at every vertex, which a film has to have memory for.
+    /// Number of light subpaths that come with `samples` camera subpaths. Each of their vertices may
+    /// contribute to the film, which needs memory for that.
     #[must_use]
     pub fn light_subpaths(self, samples: u64, counts: SampleCounts) -> u64 {
         match self {

@@ -1,9 +1,9 @@
-//! Light transport: the path tracer and the bidirectional path tracer, and
-//! the driver that runs them over a film.
+//! Light transport: path tracing, bidirectional path tracing, and the driver that runs them over a
+//! film.
 //!
-//! Both share one model: `max_depth` edges after the camera, lights that do
-//! not block, Russian roulette that never biases. Every light-carrying
-//! contribution goes to a [`Recorder`] with its light and size coordinate.
+//! Both integrators share one model: paths of up to `max_depth` edges after the camera, lights that do
+//! not block, Russian roulette that never biases. Every light-carrying contribution goes to a
+//! [`Recorder`] with its light and size coordinate.
 
 pub mod aov;
 pub mod bdpt;
@@ -31,7 +31,7 @@ pub use options::{Heuristic, Integrator, Samples, Values, View};
 /// Why a render has no picture.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RenderError {
-    /// A splat did not fit its fixed-point cell.
+    /// Contributions to a fixed-point sum of the film that did not fit into it, by their number.
     #[error("{0} contributions overflowed the film; lower the lights' radiance or the exposure")]
     Overflow(u64),
     /// More than one contribution in a million was not a number.
@@ -39,37 +39,38 @@ pub enum RenderError {
         "{dropped} contributions of {samples} samples were not finite: the scene's scale or geometry is broken"
     )]
     NonFinite {
-        /// How many.
+        /// Number of contributions that were not finite.
         dropped: u64,
-        /// Of how many samples.
+        /// Number of samples taken.
         samples: u64,
     },
-    /// [`Observer::cancelled`] said so.
+    /// The render was stopped by its [`Observer`].
     #[error("interrupted")]
     Cancelled,
 }
 
-/// Contributions dropped per sample above which a render fails.
+/// Contributions dropped per sample above which a render fails: rounding produces one that is not
+/// finite on rare paths, but a picture of which more is missing is wrong.
 const MAX_NON_FINITE: f64 = 1e-6;
 
-/// Watches and may stop a render.
+/// Watches a render and may stop it.
 pub trait Observer: Sync {
-    /// Called when `rows` more rows of the film are done.
+    /// Called when `rows` more rows of pixels are done; a row counts once for each replicate.
     fn advance(&self, rows: u64);
-    /// Whether to stop.
+    /// Whether the render is to stop.
     fn cancelled(&self) -> bool {
         false
     }
 }
 
-/// Watches nothing.
+/// An observer that never stops a render.
 impl Observer for () {
     fn advance(&self, _rows: u64) {}
 }
 
 impl Integrator {
-    /// Adds samples of a picture of one lighting to a film; runs in the current rayon pool and
-    /// gives the same film whatever its number of threads.
+    /// Adds samples of a picture of one lighting to a film. Runs in the current rayon pool; the film is
+    /// the same whatever its number of threads.
     ///
     /// ```
     /// use lightopt_embree::{
@@ -95,8 +96,8 @@ impl Integrator {
     /// ```
     ///
     /// # Errors
-    /// When the film overflowed, too many contributions were not finite, or
-    /// the observer stopped it; the film is then of no use.
+    /// When the film overflowed, too many contributions were not finite, or the observer stopped the
+    /// render; the film is then of no use.
     pub fn render<F: Film>(
         &self,
         view: View,
@@ -109,8 +110,8 @@ impl Integrator {
         self.render_values(view, &Values([lighting.value as f32]), plan, film, &[samples], observer)
     }
 
-    /// As [`Self::render`], for several values of the background at once and for several
-    /// replicates. What the film makes of the lights' radiances and sizes is its own affair.
+    /// Adds samples for several values of the background at once, in several replicates, to a film that
+    /// multiplies the lights' radiances in and selects their sizes itself; otherwise as [`Self::render`].
     ///
     /// # Errors
     /// As [`Self::render`].
@@ -177,7 +178,7 @@ fn render_row<const N: usize>(
     }
 }
 
-/// Used by tests and tools that look at contributions one by one.
+/// A function as a recorder, called with each contribution and, for t = 1, its raster position.
 impl<const N: usize, F: FnMut(Option<Vec2>, &Contribution<N>)> Recorder<N> for F {
     fn add(&mut self, c: &Contribution<N>) {
         self(None, c);

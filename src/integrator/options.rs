@@ -1,4 +1,4 @@
-//! What a render is asked: integrator, view, samples and values of the background.
+//! Parameters of a render: integrator, view, samples and values of the background.
 
 use super::IntegratorKind;
 use crate::{camera::Camera, math::hash::hash_words, sampler::SamplerKind, scene::Scene};
@@ -14,7 +14,7 @@ pub enum Heuristic {
 }
 
 impl Heuristic {
-    /// The heuristic's function of a density or ratio of densities.
+    /// Value of the heuristic's function at a density, or at a ratio of densities.
     #[must_use]
     pub fn apply(self, x: f64) -> f64 {
         match self {
@@ -27,11 +27,11 @@ impl Heuristic {
 /// An integrator with its options.
 #[derive(Clone, Copy, Debug)]
 pub struct Integrator {
-    /// Which.
+    /// Kind of integrator.
     pub kind: IntegratorKind,
-    /// Edges after the camera, at least 1.
+    /// Upper bound of the edges of a path after the camera, at least 1.
     pub max_depth: usize,
-    /// Weights of the bidirectional strategies.
+    /// Heuristic by which the strategies that find a path are weighted.
     pub heuristic: Heuristic,
 }
 
@@ -41,36 +41,36 @@ impl Default for Integrator {
     }
 }
 
-/// Which samples of which sequence to take.
+/// Samples of a render: a range of indices of a sequence, for every pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples {
-    /// Family of sequences.
+    /// Family of sample sequences.
     pub sampler: SamplerKind,
-    /// Scramble of the whole picture.
+    /// Seed of the scramble of the whole picture.
     pub seed: u64,
-    /// First sample index of every pixel.
+    /// Index of the first sample of every pixel.
     pub first: u32,
-    /// Samples per pixel.
+    /// Number of samples per pixel.
     pub count: u32,
 }
 
 impl Samples {
-    /// The same samples of an independent scramble, the `r`-th.
+    /// The same range of an independently scrambled sequence, that of replicate `r`.
     #[must_use]
     pub fn replicate(self, r: u64) -> Self {
         Self { seed: hash_words(&[self.seed, r]), ..self }
     }
 }
 
-/// A scene as a camera sees it.
+/// A scene with the camera that sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// The camera, whose film size is that of the picture.
+    /// The camera; its film has the size of the picture.
     pub camera: &'a Camera,
 }
 
-/// Values of the background at which light is carried, the largest first.
+/// Values of the background at which light is carried along a path, the largest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Values<const N: usize>(pub [f32; N]);

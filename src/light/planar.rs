@@ -7,17 +7,18 @@ use glam::{Vec2, Vec3};
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint, Outline, Resizable, SizeDensity};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
-/// A cone of emission with a soft edge.
+/// Cone to which emission is limited, with a soft edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// Cosine of the angle within which emission is full.
+    /// Cosine of the angle from the axis within which emission is full.
     pub cos_inner: f32,
-    /// Cosine of the angle beyond which there is none.
+    /// Cosine of the angle from the axis beyond which nothing is emitted.
     pub cos_outer: f32,
 }
 
 impl Cone {
-    /// Relative radiance at `cos_theta` from the axis: a smooth step in the cosine.
+    /// Radiance relative to that along the axis, where `cos_theta` is the cosine of the angle from it:
+    /// a smooth step between the two cosines.
     #[must_use]
     pub fn profile(&self, cos_theta: f32) -> f32 {
         let width = self.cos_inner - self.cos_outer;
@@ -29,21 +30,22 @@ impl Cone {
     }
 }
 
-/// A planar emitter, radiating from the side of `frame.n`.
+/// A planar emitter that radiates from the side of `frame.n`.
 #[derive(Clone, Copy, Debug)]
 pub struct Planar {
     /// Centre, metres.
     pub center: Vec3,
-    /// Axes; `n` is the emitting side.
+    /// Axes of the plane; `n` points away from the emitting side.
     pub frame: Frame,
     /// Outline at unit size.
     pub outline: Outline,
-    /// Emission limited to a cone about `n`; `None` is the whole half-space.
+    /// Cone about `n` to which emission is limited; `None` for the whole half-space.
     pub cone: Option<Cone>,
 }
 
 impl Planar {
-    /// Size coordinate of a point of the plane given in the frame's tangents.
+    /// Size coordinate of a point of the plane, given by its coordinates along the frame's tangents,
+    /// metres.
     #[must_use]
     pub fn rho(&self, x: Vec2) -> f32 {
         match self.outline {

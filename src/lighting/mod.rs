@@ -1,4 +1,4 @@
-//! What a picture of a scene varies, and what steers its samples.
+//! Lighting, which pictures of a scene vary, and sampling plans, which steer their samples.
 //!
 //! A [`Lighting`] decides what a picture shows, a [`SamplingPlan`] only how noisy it is. Both are
 //! plain values beside a [`Scene`] that does not change, so that pictures of many lightings may be
@@ -18,7 +18,8 @@ pub const MAX_EXPOSURE: f32 = 1e12;
 /// units of display white, which at larger radiances leave the range of f32.
 pub const MAX_RADIANCE: f32 = 1e15;
 
-/// What varies between pictures of a scene. Lights are in the scene's order.
+/// Values of everything that varies between pictures of a scene. Vectors are by light, in the scene's
+/// order.
 ///
 /// ```
 /// use lightopt_embree::{import, lighting::Lighting};
@@ -34,14 +35,14 @@ pub const MAX_RADIANCE: f32 = 1e15;
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lighting {
-    /// Radiance per light: W·m⁻²·sr⁻¹, W·sr⁻¹ of a point, W·m⁻² of a distant light, per unit of its
-    /// colour.
+    /// Radiance of each light, per unit of its colour: W·m⁻²·sr⁻¹, for a point light its intensity in
+    /// W·sr⁻¹, for a distant light its irradiance in W·m⁻².
     pub radiance: Vec<f64>,
-    /// Factor on the unit extents per light; without effect where a light has no size.
+    /// Size of each light, a factor on its unit extents; without effect for a light that has no size.
     pub size: Vec<f64>,
-    /// Factor on the base colour of the background's materials.
+    /// Value of the background: a factor on the base colour of its materials.
     pub value: f64,
-    /// Factor on luminance before display encoding.
+    /// Exposure: a factor on luminance before display encoding.
     pub exposure: f64,
 }
 
