@@ -1,53 +1,53 @@
-//! What a basis keeps apart, and where it lies in the tables.
+//! Layout of the tables of a basis.
 
 use glam::UVec2;
 
 use super::{Knots, ValueNodes};
 
-/// Channels in the table of colour: red and blue.
+/// Channels of the table of colour: red and blue, since green follows from the luminance.
 pub(super) const COLOURS: usize = 2;
 
-/// The cells of a light.
+/// Cells of a light in the tables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightCells {
-    /// The first of its cells.
+    /// Index of the light's first cell among those of all lights.
     pub first_cell: usize,
-    /// Knots of a free size.
+    /// Knots of a free size; `None` for a light whose size is not free.
     pub knots: Option<Knots>,
-    /// The size when it is not free.
+    /// Size of a light whose size is not free, largest size of another.
     pub size: f32,
 }
 
 impl LightCells {
-    /// Number of its cells.
+    /// Number of the light's cells.
     #[must_use]
     pub fn n_cells(&self) -> usize {
         self.knots.as_ref().map_or(1, Knots::len)
     }
 }
 
-/// What a basis keeps apart.
+/// Film size, cells and nodes of the tables of a basis: what it keeps apart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     /// Film size, pixels.
     pub size: UVec2,
-    /// The lights, in the scene's order.
+    /// Cells of each light, in the scene's order.
     pub lights: Vec<LightCells>,
     /// Nodes of the background's value.
     pub nodes: ValueNodes,
 }
 
-/// A light's size in a basis.
+/// Sizes of a light that a basis holds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SizeBins {
-    /// Kept at a size.
+    /// A single size.
     Fixed(f32),
-    /// Free between the first and the last knot.
+    /// All sizes up to the last knot.
     Free(Knots),
 }
 
 impl Layout {
-    /// A layout of a film for lights with these sizes.
+    /// Layout of a film of `size` pixels, for lights of these sizes in the scene's order.
     #[must_use]
     pub fn new(size: UVec2, sizes: Vec<SizeBins>, nodes: ValueNodes) -> Self {
         let mut first_cell = 0;
@@ -80,20 +80,20 @@ impl Layout {
         self.lights.iter().map(LightCells::n_cells).sum()
     }
 
-    /// Rows of a table: cells times value nodes.
+    /// Number of rows of a table for each pixel: cells times nodes.
     #[must_use]
     pub fn n_rows(&self) -> usize {
         self.n_cells() * self.nodes.len()
     }
 
-    /// Memory of a basis of `replicates` replicates, bytes: a table of luminance each and the
-    /// table of colour.
+    /// Memory of the tables of a basis of `replicates` replicates, bytes: a table of luminance for each
+    /// and the table of colour.
     #[must_use]
     pub fn table_memory(&self, replicates: usize) -> u64 {
         self.table_bytes() * (replicates + COLOURS) as u64
     }
 
-    /// Memory of a table of one number per pixel, cell and node.
+    /// Memory of a table with one number per pixel, cell and node, bytes.
     fn table_bytes(&self) -> u64 {
         (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
     }

@@ -14,8 +14,8 @@
 //! Replicates come from independent scrambles. Each has a table of luminance, for
 //! the objective; colour is kept as their mean. Tables hold prefix sums over the
 //! knots, layout `[y][cell][node][x]` (colour: `[y][cell][red or blue][node][x]`; green follows from
-//! the luminance), the cells
-//! of a light being its knots; a light whose size is not free has a single cell.
+//! the luminance). The cells of a light are its knots; a light whose size is not free has a single
+//! cell.
 
 mod film;
 mod kernels;
@@ -42,7 +42,8 @@ pub use linearised::Linearised;
 pub use nodes::ValueNodes;
 pub use recombine::{LightingGradient, Recombination, Tables, Tangents};
 
-/// A rendered basis.
+/// A rendered transport basis: for every pixel the light of each light source, by size knot and by
+/// node of the background's value, at unit radiance.
 ///
 /// ```
 /// use lightopt_embree::{
@@ -85,35 +86,35 @@ pub use recombine::{LightingGradient, Recombination, Tables, Tangents};
 #[derive(Clone, Debug)]
 pub struct TransportBasis {
     layout: Layout,
-    /// By replicate: sums of luminance over the samples.
+    /// Sums of luminance over the samples, a table for each replicate.
     luminance: Vec<Vec<f32>>,
-    /// Sums of red and blue over the samples of all replicates.
+    /// Sums of red and blue over the samples of all replicates; empty without colour.
     colour: Vec<f32>,
-    /// Samples per pixel of each replicate in the tables, by their weights.
+    /// Samples per pixel of each replicate in the tables, counted with their weights.
     n_samples: u32,
-    /// Weight of the samples that follow.
+    /// Weight with which the next samples count; it doubles with every [`Self::fade`].
     weight: u32,
     /// Samples taken of the present sequence.
     taken: u32,
 }
 
-/// What fills a basis.
+/// Everything that a basis is rendered from.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
-    /// The scene and the camera.
+    /// Scene and camera.
     pub view: View<'a>,
-    /// Where samples go.
+    /// Sampling plan.
     pub plan: &'a SamplingPlan,
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: &'a Integrator,
-    /// Family of sequences.
+    /// Family of sample sequences.
     pub sampler: SamplerKind,
-    /// Seed of all replicates.
+    /// Seed of the scrambles of all replicates.
     pub seed: u64,
 }
 
 impl TransportBasis {
-    /// An empty basis.
+    /// A basis without samples.
     #[must_use]
     pub fn new(layout: Layout, replicates: usize) -> Self {
         let n = layout.n_rows() * layout.n_pixels();
@@ -124,7 +125,7 @@ impl TransportBasis {
         Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
 
-    /// What is kept apart.
+    /// Film size, cells and nodes of the tables.
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout
@@ -136,28 +137,26 @@ impl TransportBasis {
         self.luminance.len()
     }
 
-    /// Samples per pixel of each replicate, by their weights.
+    /// Samples per pixel of each replicate, counted with their weights.
     #[must_use]
     pub fn n_samples(&self) -> u32 {
         self.n_samples
     }
 
-    /// As many samples per pixel of all replicates as would tell as much, if all counted like those
-    /// that follow.
+    /// Samples per pixel of all replicates, in units of the weight of the next sample.
     #[must_use]
     pub fn effective_samples(&self) -> u32 {
         self.n_samples * self.n_replicates() as u32 / self.weight
     }
 
-    /// Lets the samples that follow count twice as much as those so far. They must come from another
-    /// seed; since both are unbiased, so is their mean.
+    /// Halves the weight of the samples so far relative to that of the next ones, which must come from
+    /// another seed. Both are unbiased, and so is their weighted mean.
     pub fn fade(&mut self) {
         self.weight *= 2;
         self.taken = 0;
     }
 
-    /// Adds `count` samples per pixel to every replicate, each continuing its own
-    /// sequence.
+    /// Adds `count` samples per pixel to every replicate, each continuing its own sequence.
     ///
     /// # Errors
     /// As [`Integrator::render`]; the basis is then of no use.
@@ -195,8 +194,8 @@ impl TransportBasis {
         Ok(())
     }
 
-    /// The same samples in two replicates, if there is an even number of them: every other
-    /// one together; without colour.
+    /// The same samples in two replicates, without colour: the sums of every other replicate. A basis
+    /// with an odd number of replicates keeps them all.
     #[must_use]
     pub fn halves(&self) -> Self {
         let n = self.n_replicates();
@@ -223,8 +222,8 @@ impl TransportBasis {
         }
     }
 
-    /// The basis of the picture reduced by averaging blocks of `factor` by `factor`
-    /// pixels, which divides its size; without colour.
+    /// The basis of the picture reduced by averaging blocks of `factor` × `factor` pixels, without
+    /// colour. Pixels that fill no block are left out.
     #[must_use]
     pub fn reduced(&self, factor: u32) -> Self {
         let size = self.layout.size / factor;
@@ -252,7 +251,7 @@ impl TransportBasis {
         Self { luminance, colour: Vec::new(), layout, ..*self }
     }
 
-    /// The part of a table of `channels` numbers a pixel, cell and node that belongs to a row of
+    /// The part of a table with `channels` numbers per pixel, cell and node that belongs to the row `y` of
     /// pixels.
     fn line<'t>(&self, table: &'t [f32], channels: usize, y: usize) -> &'t [f32] {
         let n = self.layout.n_rows() * channels * self.layout.size.x as usize;
