@@ -51,7 +51,7 @@ where
     F: FnMut(&[f64], &mut [f64]) -> ControlFlow<Interrupt, f64>,
 {
     validate(x0, lower, upper, options)?;
-    let search = RefCell::new(Search {
+    let search = RefCell::new(Callback {
         f,
         lower,
         upper,
@@ -95,7 +95,8 @@ where
     search.into_inner().tally.outcome(result, StopReason::Stationary)
 }
 
-struct Search<'a, F> {
+/// The objective as NLopt calls it, with the state of the search.
+struct Callback<'a, F> {
     f: F,
     lower: &'a [f64],
     upper: &'a [f64],
@@ -103,14 +104,14 @@ struct Search<'a, F> {
     start: Instant,
     x: Vec<f64>,
     gradient: Vec<f64>,
-    /// Factor on what NLopt sees of the function.
+    /// Factor on the function and its gradient as NLopt sees them.
     scale: f64,
-    /// The function at `x0`, whose gradient is in `gradient`, until NLopt has asked for it.
+    /// Value of the function at x0, whose gradient is in `gradient`, until NLopt asks for it.
     start_value: Option<f64>,
     tally: Tally,
 }
 
-impl<F> Search<'_, F>
+impl<F> Callback<'_, F>
 where
     F: FnMut(&[f64], &mut [f64]) -> ControlFlow<Interrupt, f64>,
 {
@@ -140,7 +141,7 @@ where
         self.scale * value
     }
 
-    /// The function at `x`; `None`, and the reason in `end`, when the search is over.
+    /// Value of the function at `x`; `None`, with the reason in the tally, once the search is over.
     fn try_evaluate(&mut self, x: &[f64]) -> Option<f64> {
         if self.tally.end.is_some() {
             return None;
