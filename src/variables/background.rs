@@ -1,9 +1,10 @@
-//! Value of the background's materials.
+//! The value of the background's materials as a variable.
 
 use super::{BasisRanges, Kind, Limits, MatchedStart, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// A picture is a polynomial in it: the value nodes of a transport basis hold all values.
+/// Value of the background, in which pictures are polynomials: the nodes of a transport basis hold all
+/// values.
 #[derive(Debug)]
 pub(super) struct Background;
 

@@ -1,4 +1,4 @@
-//! What a kind of variable is.
+//! Kinds of variables, and the data from which their ranges and starts follow.
 
 use std::fmt;
 
@@ -7,68 +7,69 @@ use serde::{Serialize, Serializer};
 use super::Range;
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// What has a variable of a kind.
+/// Owner of the variables of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Owner {
-    /// Each light, under its own name.
+    /// Each light has one, under its own name.
     Light,
-    /// The scene as a whole; variables are then named after this part of it.
+    /// The scene as a whole has one, named after this part of it.
     Scene(&'static str),
 }
 
 /// A kind of variable.
 pub trait Kind: fmt::Debug + Sync {
-    /// The word for it in `free` of a sidecar and after `--free`.
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     fn keyword(&self) -> &'static str;
 
-    /// What it varies, in a few words for `--help`.
+    /// Description of the kind in a few words, for `--help`.
     fn help(&self) -> &'static str;
 
-    /// Who has variables of this kind.
+    /// Owner of the variables of the kind.
     fn owner(&self) -> Owner;
 
-    /// The last part of a variable's name, `OWNER.suffix`.
+    /// Last part of a variable's name, `OWNER.suffix`.
     fn suffix(&self) -> &'static str;
 
-    /// Bounds, start and scale of the variable that a light has where it is free, or the scene
-    /// (`light` is then 0); `None` where it has no effect.
+    /// Bounds, start and scale of the variable of a light, or of the scene (`light` is then 0), if it is
+    /// free; `None` if it has no effect.
     fn range(&self, scene: &SurveyedScene, light: usize) -> Option<Range>;
 
-    /// The value in a lighting.
+    /// The variable's value in a lighting.
     fn value<'x>(&self, x: &'x mut Lighting, light: usize) -> &'x mut f64;
 
-    /// Derivative by the value of a number whose gradient by the lighting is given.
+    /// Derivative by the variable's value of a number whose gradient by the lighting is `gradient`.
     fn derivative(&self, gradient: &LightingGradient, light: usize) -> f64;
 
-    /// Lets a transport basis hold all values that the free variable of a light may take, or that of
-    /// the scene (`light` is then 0).
+    /// Extends the ranges of a transport basis to all values that the free variable of a light, or of the
+    /// scene (`light` is then 0), may take.
     fn open(&self, _limits: Limits, _light: usize, _ranges: &mut BasisRanges) {}
 
-    /// The value of a light's variable at a start that is matched to a target.
+    /// Value of the variable of a light, or of the scene, at a start that is matched to a target.
     fn matched_start(&self, range: &Range, _light: usize, _start: &MatchedStart) -> f64 {
         range.initial
     }
 
-    /// Power of the variable to which its light's flux is proportional; `None` for a variable that
-    /// is no factor of it.
+    /// Power of the variable to which the flux of its light is proportional; `None` if the flux does not
+    /// depend on it.
     fn flux_power(&self) -> Option<i32> {
         None
     }
 
-    /// Whether f_q falls slowly but far along the variable, so that noise holds a descent: values
-    /// from all of its range are then tried, at constant flux.
+    /// Whether values from the whole range of the variable are tried at constant flux, because f_q falls
+    /// slowly but far along it and noise stops a descent.
     fn is_tried(&self) -> bool {
         false
     }
 
-    /// Least value of a light's variable for which samples are enough, where `least_sizes` are the
-    /// least sizes per light within which enough samples lie.
+    /// Lower bound of the variable below which too few samples fall inside the light for a reliable
+    /// estimate; `least_sizes` are the least sizes of each light within which enough samples fall, empty
+    /// where every size has enough.
     fn least_sampled(&self, range: &Range, _light: usize, _least_sizes: &[f64]) -> f64 {
         range.lower
     }
 
-    /// What a user may do about an object that stays black, where the variable called `name` stands
-    /// at `value`.
+    /// Advice to the user about an object that stays black, where the variable called `name` has the value
+    /// `value`.
     fn advice_for_darkness(&self, _name: &str, _range: &Range, _value: f64) -> Option<String> {
         None
     }
@@ -86,42 +87,42 @@ pub struct Limits<'a> {
     pub value: Option<[f32; 2]>,
 }
 
-/// What the survey found of a scene, from which the ranges of its variables follow. Vectors are by
+/// Results of the survey of a scene, from which the ranges of its variables follow. Vectors are by
 /// light, in the scene's order.
 #[derive(Clone, Debug)]
 pub struct SurveyedScene<'a> {
-    /// Bounds that geometry and materials set.
+    /// Bounds that geometry and materials set on the variables.
     pub limits: Limits<'a>,
-    /// The author's sizes brought within their bounds.
+    /// Size of each light, the author's brought within its bounds.
     pub sizes: &'a [f64],
-    /// Unit of the radiance.
+    /// Unit of each light's radiance.
     pub units: Vec<&'static str>,
-    /// Upper bound that the author sets on the radiance.
+    /// Upper bound that the author sets on each light's radiance; `None` without one.
     pub radiance_max: Vec<Option<f32>>,
-    /// Radiance at which the light alone shows what it lights at
+    /// Radiance of each light at which it alone shows what it lights at the display luminance
     /// [`BRIGHT`](super::survey::BRIGHT).
     pub bright: &'a [f64],
-    /// Radiance at the neutral start.
+    /// Radiance of each light at the neutral start.
     pub neutral: Vec<f64>,
 }
 
-/// What a transport basis must hold beyond a single lighting.
+/// Ranges of sizes and of the background's value that a transport basis must hold.
 #[derive(Clone, Debug)]
 pub struct BasisRanges {
-    /// Least and largest size per light whose size varies.
+    /// Least and largest size of each light; `None` for a light whose size does not vary.
     pub sizes: Vec<SizeBounds>,
-    /// Largest value of a background that varies.
+    /// Largest value of the background; `None` if that does not vary.
     pub largest_value: Option<f32>,
 }
 
-/// A start at which the object has the brightness of a target.
+/// A start at which the main object has the mean luminance of a target.
 #[derive(Clone, Debug)]
 pub struct MatchedStart<'a> {
     /// Indices of the lights that shine.
     pub lit: &'a [usize],
-    /// Radiance per light at which it brings the share of it that it shall bring.
+    /// Radiance of each light at which it contributes the same mean luminance as the others of `lit`.
     pub radiance: Vec<f64>,
-    /// Factor on the background's value that brings the background nearest to its own target.
+    /// Factor on the background's value that brings the background's mean luminance to its own target.
     pub value: f64,
 }
 
@@ -139,7 +140,7 @@ pub struct MatchedStart<'a> {
 pub struct VariableKind(pub(super) &'static dyn Kind);
 
 impl VariableKind {
-    /// The name of the variable that a light, or the scene, has of this kind.
+    /// Name of the variable of this kind that a light, or the scene, has.
     #[must_use]
     pub fn variable_name(self, light: &str) -> String {
         let owner = match self.owner() {

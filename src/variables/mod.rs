@@ -1,5 +1,4 @@
-//! The free variables: their names, units, bounds, scales and starts, and what each does to a
-//! lighting.
+//! Free variables: their names, units, bounds, scales and starts, and their effect on a lighting.
 //!
 //! A kind of variable is one file that implements [`Kind`] and one line in [`KINDS`]; everything
 //! that deals with variables, from `--free` to the gradient, asks the kind. The optimiser works on

@@ -1,12 +1,14 @@
-//! Radiance of a light.
+//! The radiance of a light as a variable.
 
 use super::{Kind, MatchedStart, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// `L_max` over the radiance that reaches [`BRIGHT`](super::survey::BRIGHT).
+/// Upper bound of the radiance over that at which the light alone shows what it lights at
+/// [`BRIGHT`](super::survey::BRIGHT). More headroom lets a light be brighter than a picture of it alone
+/// needs, as where it shines into shadows only, and makes steps of the scale coarser.
 const HEADROOM: f64 = 4.0;
 
-/// A picture is linear in it.
+/// Radiance of a light, in which pictures are linear.
 #[derive(Debug)]
 pub(super) struct Radiance;
 

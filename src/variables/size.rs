@@ -1,9 +1,10 @@
-//! Size of a light.
+//! The size of a light as a variable.
 
 use super::{BasisRanges, Kind, Limits, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// A picture is an indicator in it: the knots of a transport basis hold all sizes.
+/// Size of a light, in which the light's contributions are indicators: the knots of a transport basis
+/// hold all sizes.
 #[derive(Debug)]
 pub(super) struct Size;
 

@@ -1,5 +1,5 @@
-//! The pre-computation step: bounds and start of the free variables by stated
-//! formulas, from the geometry and from one render of each light alone.
+//! Survey of a scene: bounds and starts of the free variables by stated formulas, from the geometry and
+//! from one render of each light alone (the pre-computation step of \[PG14\]).
 //!
 //! * sizes: [`super::bounds`], widened to a light's own size if that is smaller, narrowed by the
 //!   sidecar's `size_range`;
@@ -28,28 +28,34 @@ use crate::{
     scene::Scene,
 };
 
-/// Display luminance of what a light lights when it is taken to be white.
+/// Display luminance at which what a light lights is taken to be white: a mean of 1 would need pixels
+/// that all clip.
 pub const BRIGHT: f64 = 0.9;
-/// Mean display luminance of the start.
+/// Mean display luminance at the neutral start: between the means that high-key and low-key ask for, so
+/// that neither look begins far away. Set by reasoning.
 pub const START: f64 = 0.35;
-/// Distance of a matched start from every bound, in the optimiser's units: a
-/// search that begins on a bound is slow to leave it.
+/// Distance of a matched start from every bound, in the optimiser's units: a search that begins on a
+/// bound is slow to leave it; the farther from it, the less the start is matched.
 pub const OFF_BOUND: f64 = 0.04;
-/// Least value factor of the background.
+/// Lower bound of the background's value: under its key light alone it gives the fruit basket a
+/// background of mean .085 behind an object of mean .54, about as black as paper gets.
 pub const MIN_VALUE: f32 = 0.05;
-/// Largest albedo that a value factor may give a background material.
+/// Upper bound of the albedo of a background material after the value is applied: above it light would
+/// bounce so often that pictures are slow and noisy, and at 1 it would not decay at all.
 pub const MAX_ALBEDO: f32 = 0.95;
-/// Largest value factor of the background.
+/// Upper bound of the background's value: dark materials, which could otherwise become white, get two
+/// stops brighter at most. Set by reasoning.
 pub const MAX_VALUE: f32 = 4.0;
 
-/// Largest size at which a light is taken to touch a surface: of a lamp that is a metre wide a tenth
-/// of a millimetre is left.
+/// Size up to which a light is taken to touch a surface: for a lamp of half-extent 1 m a tenth of a
+/// millimetre is left, which is no lamp any more.
 const MIN_SIZE: f32 = 1e-4;
 
-/// Halvings of the exponent's range in which a gain is sought: to a millionth of it.
+/// Halvings of the range 2⁻⁶⁰ to 2⁶⁰ of the exponent in which a gain is sought: 120/2²⁷ of a stop, a
+/// relative error of 6·10⁻⁷ of the gain.
 const BISECTIONS: u32 = 27;
 
-/// A scene leaves nothing to optimise.
+/// The variables of a scene cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SurveyError {
@@ -63,25 +69,26 @@ pub enum SurveyError {
     NoRoom { light: String, distance: f32 },
 }
 
-/// A scene's lighting brought within the bounds that its geometry sets.
+/// A scene's lighting, brought within the bounds that its geometry and materials set.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// The author's lighting with every size within its bounds, and the background at value 1 or
-    /// the largest that it may take.
+    /// The author's lighting with every size within its bounds, and the background's value at 1, or at its
+    /// upper bound where that is smaller or the only value.
     pub lighting: Lighting,
-    /// Least and largest size per light; `None` for a light without size.
+    /// Least and largest size of each light; `None` for a light without size.
     pub sizes: Vec<SizeBounds>,
     /// Least and largest value of the background; `None` without background.
     pub value_range: Option<[f32; 2]>,
-    /// What had to change, in words.
+    /// Notes about what had to be changed, for the user.
     pub notes: Vec<String>,
 }
 
 impl Fitted {
-    /// Clears room for every light, narrowing its size to what the geometry and a camera allow.
+    /// Brings the size of every light within the bounds that the geometry, the camera of the view and the
+    /// scene's author set.
     ///
     /// # Errors
-    /// When there are no lights, or one touches a surface at any size.
+    /// When there are no lights, or a light touches a surface at any size.
     pub fn new(view: View, authored: &Lighting, wishes: &Wishes) -> Result<Self, SurveyError> {
         let scene = view.scene;
         if scene.lights.is_empty() {
@@ -107,7 +114,8 @@ impl Fitted {
         Ok(fitted)
     }
 
-    /// Brings the size of light `i` within what the geometry allows (`found`) and the author wants.
+    /// Brings the size of light `i` within the bounds [lo, hi] of the geometry and those that the author
+    /// wants, and returns the bounds of both.
     fn fit_size(
         &mut self,
         scene: &Scene,
@@ -145,8 +153,8 @@ impl Fitted {
         Limits { sizes: &self.sizes, value: self.value_range }
     }
 
-    /// What a transport basis must hold for every variable that is `free` in a run, and that the
-    /// scene's author leaves free, to take all of its values.
+    /// Ranges that a transport basis must hold, so that every variable that is `free` in a run and for the
+    /// scene's author may take all of its values.
     #[must_use]
     pub fn basis_ranges(&self, wishes: &Wishes, free: &FreeKinds) -> BasisRanges {
         let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
@@ -158,7 +166,7 @@ impl Fitted {
         ranges
     }
 
-    /// Largest value of the background; 1 without background.
+    /// Upper bound of the background's value; 1 without background.
     #[must_use]
     pub fn largest_value(&self) -> f32 {
         self.value_range.map_or(1.0, |[_, largest]| largest)
@@ -185,8 +193,8 @@ fn is_free(kind: VariableKind, light: usize, wishes: &Wishes, free: &FreeKinds) 
         }
 }
 
-/// Bounds of the background's value factor, those that are `wanted` or else by the formulas of this
-/// module; `None` without background.
+/// Bounds of the background's value: those that are `wanted`, else by the formulas of this module;
+/// `None` without background.
 fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
     let brightest = scene.background_albedo();
     if brightest <= 0.0 {
@@ -199,8 +207,8 @@ fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
     })
 }
 
-/// The gain at which the mean display luminance of `y`, weighted by `weight`
-/// of each value, is `target`; by bisection in the exponent.
+/// Gain at which the mean display luminance of the linear luminances `y`, each weighted by `weight` of
+/// it, is `target`; by bisection in the exponent.
 #[must_use]
 pub fn gain_for(
     y: &[f64],
@@ -228,31 +236,31 @@ pub fn gain_for(
     hi.exp2()
 }
 
-/// How bright the picture of each light alone is, from which bounds and starts follow.
+/// Brightness of the picture of each light alone, from which bounds and starts follow.
 #[derive(Clone, Debug)]
 pub struct Survey<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its lighting within bounds.
+    /// Lighting of the scene within its bounds.
     pub fitted: &'a Fitted,
-    /// What the scene's author wishes.
+    /// Constraints that the scene's author sets.
     pub wishes: &'a Wishes,
-    /// What may vary in this run.
+    /// Kinds of variables that are free in the run.
     pub free: &'a FreeKinds,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
-    /// Linear luminance per light and pixel at radiance 1.
+    /// Linear luminance of the picture of each light alone at radiance 1, pixel by pixel.
     images: Vec<Vec<f64>>,
-    /// Mean of `images` per light.
+    /// Mean linear luminance of the picture of each light alone at radiance 1.
     pub means: Vec<f64>,
-    /// Radiance per light at which it shows what it lights at [`BRIGHT`].
+    /// Radiance of each light at which it alone shows what it lights at [`BRIGHT`].
     pub bright: Vec<f64>,
-    /// Radiance of light l in the neutral start, times its mean.
+    /// Mean linear luminance that every light contributes at the neutral start.
     gain: f64,
 }
 
 impl<'a> Survey<'a> {
-    /// Looks at `unit`, a render with every light at radiance 1 and its fitted size.
+    /// Survey of the picture `unit`, a render with every light at radiance 1 and its fitted size.
     #[must_use]
     pub fn new(
         scene: &'a Scene,
@@ -275,7 +283,7 @@ impl<'a> Survey<'a> {
         Self { scene, fitted, wishes, free, luminance, images, means, bright, gain }
     }
 
-    /// What the ranges of the variables follow from.
+    /// Results from which the ranges of the variables follow.
     fn surveyed(&self) -> SurveyedScene<'_> {
         SurveyedScene {
             limits: self.fitted.limits(),
@@ -287,7 +295,7 @@ impl<'a> Survey<'a> {
         }
     }
 
-    /// The variable of a kind that a light has, or the scene; `None` where it is not free.
+    /// Variable of a kind that a light, or the scene, has; `None` if it is not free.
     fn variable(&self, scene: &SurveyedScene, kind: VariableKind, light: usize) -> Option<Variable> {
         if !is_free(kind, light, self.wishes, self.free) {
             return None;
@@ -299,10 +307,10 @@ impl<'a> Survey<'a> {
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
     }
 
-    /// The variables of a run.
+    /// Free variables of the run.
     ///
     /// # Errors
-    /// When a light of the sidecar, or every light, reaches no pixel, or nothing is free.
+    /// When a light of the sidecar, or every light, lights no pixel, or nothing is free.
     pub fn variables(&self) -> Result<ParamVector, SurveyError> {
         let Self { scene, means, wishes, .. } = self;
         // One that the scene file happens to have is left as it is, unless there is no other.
@@ -324,11 +332,11 @@ impl<'a> Survey<'a> {
         Ok(ParamVector { variables })
     }
 
-    /// Where a search may begin, in the optimiser's units, each with a name: the
-    /// neutral start first, then the matched ones.
+    /// Starts of a search, as points of the unit cube with their names: the neutral start first, then
+    /// those matched to a target.
     ///
-    /// * `mask`: the main object, over the pixels of the render surveyed
-    /// * `t_object`, `t_background`: target means of display luminance
+    /// * `mask`: main object, over the pixels of the render surveyed
+    /// * `targets`: mean display luminance wanted of the object and of the background
     #[must_use]
     pub fn starts(
         &self,
@@ -349,8 +357,7 @@ impl<'a> Survey<'a> {
         std::iter::once(first).chain(matched.collect::<Vec<_>>()).collect()
     }
 
-    /// The start at which the lights `lit`, contributing alike, give the object of `mask` its
-    /// target mean.
+    /// Start at which the lights `lit`, contributing alike, give the object of `mask` its target mean.
     fn matched<'l>(
         &self,
         lit: &'l [usize],

@@ -4,26 +4,26 @@ use serde::{Deserialize, Deserializer, de::Error as _};
 
 use super::{Kind, Owner, VariableKind, background::Background, radiance::Radiance, size::Size};
 
-/// All kinds, in the order in which the variables of a light are listed.
+/// All kinds of variables, in the order in which the variables of a light are listed.
 pub static KINDS: [&dyn Kind; 3] = [&Radiance, &Size, &Background];
 
 /// Keywords of all kinds, in the order of [`KINDS`].
 const KEYWORDS: [&str; 3] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD];
 
 impl VariableKind {
-    /// All kinds.
+    /// All kinds of variables, in the order of [`KINDS`].
     pub fn all() -> impl Iterator<Item = Self> {
         KINDS.into_iter().map(Self)
     }
 
-    /// The kind of a keyword.
+    /// Kind with a keyword; `None` if there is none.
     #[must_use]
     pub fn named(keyword: &str) -> Option<Self> {
         Self::all().find(|kind| kind.keyword() == keyword)
     }
 
-    /// The kind and the light's index that a variable's name means; the index is 0 for variables
-    /// of the scene.
+    /// Kind and light, by its index in `lights`, of the variable called `name`; the index is 0 for a
+    /// variable of the scene. `None` if there is no such variable.
     #[must_use]
     pub fn of_name(name: &str, lights: &[String]) -> Option<(Self, usize)> {
         let (owner, suffix) = name.rsplit_once('.')?;

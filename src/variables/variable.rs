@@ -1,4 +1,4 @@
-//! A free variable, and all of a run.
+//! Free variables of a run, and their map from the unit cube to a lighting.
 
 use serde::Serialize;
 
@@ -16,18 +16,18 @@ pub struct Variable {
     pub name: String,
     /// Unit of the value.
     pub unit: &'static str,
-    /// Least value.
+    /// Lower bound of the value.
     pub lower: f64,
-    /// Largest value.
+    /// Upper bound of the value.
     pub upper: f64,
-    /// Value at the start.
+    /// Value at the neutral start.
     pub initial: f64,
-    /// Map from the optimiser's unit interval.
+    /// Map from the optimiser's unit interval to the value.
     pub scale: Scale,
-    /// What it changes.
+    /// Kind of the variable.
     #[serde(skip)]
     pub kind: VariableKind,
-    /// Index of the light that it belongs to; 0 for a variable of the scene.
+    /// Index of the light to which the variable belongs; 0 for a variable of the scene.
     #[serde(skip)]
     pub light: usize,
 }
@@ -44,7 +44,7 @@ impl Variable {
         self.lower + (self.upper - self.lower) * t
     }
 
-    /// Derivative of [`Self::decode`].
+    /// Derivative of [`Self::decode`] at `u`.
     #[must_use]
     pub fn slope(&self, u: f64) -> f64 {
         match self.scale {
@@ -58,7 +58,7 @@ impl Variable {
         (self.upper / self.lower).ln()
     }
 
-    /// Bounds, start and scale.
+    /// Unit, bounds, start and scale.
     fn range(&self) -> Range {
         let Self { unit, lower, upper, initial, scale, .. } = *self;
         Range { unit, lower, upper, initial, scale }
@@ -70,20 +70,21 @@ impl Variable {
         self.kind.matched_start(&self.range(), self.light, start)
     }
 
-    /// Least value for which samples are enough, where `least_sizes` are the least sizes per light
-    /// within which enough samples lie; empty where every size is sampled enough.
+    /// Lower bound of the value below which too few samples fall inside the light for a reliable estimate;
+    /// `least_sizes` are the least sizes of each light within which enough samples fall, empty where every
+    /// size has enough.
     #[must_use]
     pub fn least_sampled(&self, least_sizes: &[f64]) -> f64 {
         self.kind.least_sampled(&self.range(), self.light, least_sizes)
     }
 
-    /// What a user may do about an object that stays black, where the variable stands at `value`.
+    /// Advice to the user about an object that stays black, where the variable has the value `value`.
     #[must_use]
     pub fn advice_for_darkness(&self, value: f64) -> Option<String> {
         self.kind.advice_for_darkness(&self.name, &self.range(), value)
     }
 
-    /// The `u` of a value, cut to [0, 1].
+    /// `u` at which the variable has a value, cut to [0, 1]: the inverse of [`Self::decode`].
     #[must_use]
     pub fn encode(&self, value: f64) -> f64 {
         if self.upper <= self.lower {
@@ -129,7 +130,7 @@ impl Variable {
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
 pub struct ParamVector {
-    /// In the order of the optimiser's components.
+    /// Variables in the order of the optimiser's components.
     pub variables: Vec<Variable>,
 }
 
@@ -140,31 +141,31 @@ impl ParamVector {
         self.variables.len()
     }
 
-    /// Whether nothing is free.
+    /// Whether there are no variables.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.variables.is_empty()
     }
 
-    /// The start, in the optimiser's units.
+    /// Neutral start as a point of the unit cube.
     #[must_use]
     pub fn start(&self) -> Vec<f64> {
         self.variables.iter().map(|v| v.encode(v.initial)).collect()
     }
 
-    /// Values at `u`.
+    /// Values at the point `u` of the unit cube.
     #[must_use]
     pub fn decode(&self, u: &[f64]) -> Vec<f64> {
         self.variables.iter().zip(u).map(|(v, &u)| v.decode(u)).collect()
     }
 
-    /// Values by name, in order.
+    /// Values by the names of the variables, in order.
     #[must_use]
     pub fn named(&self, values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
         self.variables.iter().zip(values).map(|(v, &x)| (v.name.clone(), x.into())).collect()
     }
 
-    /// The lighting `x` with the values.
+    /// The lighting `x` with the variables at `values`.
     #[must_use]
     pub fn lighting(&self, mut x: Lighting, values: &[f64]) -> Lighting {
         for (v, &value) in self.variables.iter().zip(values) {
@@ -173,7 +174,7 @@ impl ParamVector {
         x
     }
 
-    /// Turns the gradient of a number by the lighting at `u` into that by `u`.
+    /// Writes the gradient of a number by `u` to `gradient`, from its gradient by the lighting at `u`.
     pub fn pull_back(&self, u: &[f64], by_lighting: &LightingGradient, gradient: &mut [f64]) {
         for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
             *g = v.kind.derivative(by_lighting, v.light) * v.slope(u);
