@@ -1,4 +1,4 @@
-//! Renders of the lights found, with samples that chose nothing.
+//! Check renders of the lights found, with samples that chose nothing.
 
 use rayon::prelude::*;
 
@@ -19,20 +19,21 @@ use crate::{
     objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
 };
 
-/// Samples of each replicate that are taken before a check asks whether it must end.
+/// Samples of each replicate that are taken before a check looks whether it must end: fewer shorten the
+/// wait after an interrupt, more start parallel work less often. Set by reasoning.
 const PASS: u32 = 4;
 
-/// What a check measured.
+/// Results of a check.
 pub struct Checks {
-    /// f_q per lighting.
+    /// f_q of each lighting.
     pub estimates: Vec<JackknifeEstimate>,
-    /// Renders that it took.
+    /// Number of renders that it took.
     pub renders: u64,
 }
 
-/// f_q of some lightings, each by its own objective, from one render of their pictures, with
-/// hard edges: of `spp` samples per pixel over all replicates, and more until every error is
-/// small enough.
+/// Measures f_q of some lightings, each by its own objective, from one render of all their pictures
+/// without feathered edges: of `spp` samples per pixel over all replicates, and of more until every
+/// error is small enough.
 ///
 /// # Errors
 /// When a render fails.
@@ -54,7 +55,7 @@ pub fn check(
     }
 }
 
-/// As [`check`], with a node of the background's value for each of up to `N` lightings.
+/// [`check`] of up to `N` lightings, each at a node of the background's value.
 fn check_nodes<const N: usize>(
     foci: &[Focus],
     objectives: &[&Objective],
@@ -107,14 +108,14 @@ fn check_nodes<const N: usize>(
     }
 }
 
-/// Indices of the lightings, the largest value of the background first: what samples follow.
+/// Indices of the lightings by falling value of the background, since sampling goes by the first node.
 fn by_falling_value(foci: &[Focus]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..foci.len()).collect();
     order.sort_by(|&a, &b| foci[b].lighting.value.total_cmp(&foci[a].lighting.value));
     order
 }
 
-/// Samples the sizes and the lights of all lightings.
+/// Sampling plan for the sizes and lights of all lightings.
 fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
     let density = |light: usize| {
         let sizes = Focus::sizes(foci, light);
@@ -129,7 +130,7 @@ fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
     }
 }
 
-/// f_q of the picture at a node of the background's value, from `samples` per pixel and replicate.
+/// f_q of the picture of the lighting at `node`, from films of `samples` samples per pixel each.
 fn measure<const N: usize>(
     films: &[RgbFilm<N>],
     node: usize,

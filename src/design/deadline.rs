@@ -2,12 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-/// When a run began, and how long it may take.
+/// Beginning of a run, and the time that it may take.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Deadline {
-    /// When the run began: its scene was loaded.
+    /// Beginning of the run, when its scene was loaded.
     start: Instant,
-    /// Time allowed; `None` for as long as it takes.
+    /// Time allowed; `None` without limit.
     limit: Option<Duration>,
 }
 

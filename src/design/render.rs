@@ -1,4 +1,4 @@
-//! A picture measured: replicates, their mean, and f_q with its error.
+//! Pictures in replicates, and their f_q with its error.
 
 use std::time::{Duration, Instant};
 
@@ -13,10 +13,10 @@ use crate::{
     sampler::SamplerKind,
 };
 
-/// How pictures are rendered and measured.
+/// Integrator, sampler and measure of luminance with which pictures are rendered and measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Renderer {
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: Integrator,
     /// Family of sample sequences.
     pub sampler: SamplerKind,
@@ -24,14 +24,14 @@ pub struct Renderer {
     pub luminance: LuminanceMode,
 }
 
-/// The samples of a picture.
+/// Samples of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     /// Seed of the scrambles.
     pub seed: u64,
     /// Samples per pixel over all replicates.
     pub spp: u32,
-    /// Number of replicates; each gets `spp / n_replicates` samples, at least one.
+    /// Number of replicates, each of `spp / n_replicates` samples, at least 1.
     pub n_replicates: u32,
 }
 
@@ -40,18 +40,20 @@ pub struct Budget {
 pub struct MeasuredPicture {
     /// Mean over the replicates.
     pub picture: Picture,
-    /// Linear radiance per replicate and pixel.
+    /// Linear radiance of each replicate, row by row.
     replicates: Vec<Vec<[f32; 3]>>,
+    /// Factor on luminance before display encoding.
     exposure: f64,
+    /// Measure of luminance.
     luminance: LuminanceMode,
 }
 
-/// f_q of a picture.
+/// f_q of a picture, with and without its noise bias.
 #[derive(Clone, Debug)]
 pub struct Measurement {
-    /// f_q and terms of the mean picture as it is, noise included.
+    /// f_q and terms of the mean picture, noise included.
     pub plain: Evaluation,
-    /// f_q and terms freed of noise bias, with their error.
+    /// f_q and terms corrected for noise bias, with their error.
     pub estimate: JackknifeEstimate,
 }
 
@@ -141,7 +143,7 @@ impl Renderer {
     }
 }
 
-/// Counts a row once a sample.
+/// An observer that counts a row once for each sample.
 struct EachSample<'a, O> {
     observer: &'a O,
     /// Samples per pixel of the pass.
@@ -159,7 +161,7 @@ impl<O: Observer> Observer for EachSample<'_, O> {
     }
 }
 
-/// Mean of the pictures.
+/// Mean of pictures, pixel by pixel.
 fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
     let n = images.len() as f64;
     (0..images[0].len())
@@ -174,13 +176,13 @@ impl MeasuredPicture {
         self.luminance.encode_image(&self.picture.rgb, self.exposure)
     }
 
-    /// f_q and terms of the mean picture, smoothed.
+    /// Smoothed f_q of the mean picture.
     #[must_use]
     pub fn smoothed(&self, objective: &Objective, smoothing: &Smoothing) -> f64 {
         objective.evaluate_smooth(&self.display(), smoothing, None).f_q
     }
 
-    /// f_q of the mean picture, plain and freed of noise bias.
+    /// f_q of the mean picture, with and without its noise bias.
     ///
     /// # Errors
     /// With fewer than two replicates.

@@ -1,4 +1,4 @@
-//! A whole run.
+//! The driver of a run: survey, optimisation, check and final pictures of all looks.
 
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ use crate::{
     variables::{Fitted, Survey},
 };
 
-/// Runs the whole design of a scene and records it; a report per job.
+/// Finds the lights of all looks that are asked for and records how; returns a report for each job.
 ///
 /// # Errors
 /// When the scene cannot be optimised, rendered or recorded. What was recorded
@@ -81,7 +81,7 @@ pub fn run(
     Ok(reports.done)
 }
 
-/// Proves that the run may be recorded where it is asked to.
+/// Checks that the run can be recorded in its directories and in its cache.
 fn check_outputs(options: &RunOptions, scene: &Scene) -> Result<(), RunError> {
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
@@ -94,16 +94,17 @@ fn check_outputs(options: &RunOptions, scene: &Scene) -> Result<(), RunError> {
     Ok(())
 }
 
-/// What the manifest of every look says of the run.
+/// Facts about a run with which the record of every look begins.
 struct Record<'a> {
+    /// Scene with its file.
     subject: Subject<'a>,
-    /// Hash of the scene's files.
+    /// Hash of the scene file and its sidecar.
     content: &'a str,
-    /// Time that the survey took.
+    /// Time that the survey took, with the first samples of the basis.
     surveyed: Duration,
 }
 
-/// Opens a job's record and finds out where its search may begin.
+/// Opens the run directory of a job and makes the starts of its search.
 fn begin<'a>(
     job: &'a Job,
     objective: &Objective,
@@ -121,16 +122,16 @@ fn begin<'a>(
     Ok(Task { job, objective: objective.clone(), reduced, starts, dir })
 }
 
-/// The reports so far.
+/// Reports of the looks that are finished.
 struct Reports {
-    /// When the run began.
+    /// Beginning of the run.
     start: Instant,
-    /// Renders so far, all sizes.
+    /// Number of renders so far, of all sizes.
     renders: u64,
     done: Vec<RunReport>,
 }
 
-/// Finds the lights of some looks, from one basis or one after the other in paper mode, and renders
+/// Finds the lights of some looks, from one basis or in paper mode one after the other, and renders
 /// them at full size.
 fn find_together(
     mut tasks: Vec<Task>,
@@ -168,7 +169,7 @@ fn find_together(
     Ok(())
 }
 
-/// f_q where every search begins, by the basis or from a render of its own.
+/// f_q of every look at the neutral start, from the basis or in paper mode from a render of its own.
 fn measure_starts(
     tasks: &[Task],
     setup: Setup,
@@ -183,7 +184,7 @@ fn measure_starts(
     Ok(tasks.par_iter().map(measure).collect::<Result<_, _>>()?)
 }
 
-/// Renders what was found at full size and reports it.
+/// Renders the lights found for a look at full size and adds its report.
 fn finish(
     mut task: Task,
     found: Found,
