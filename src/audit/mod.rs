@@ -25,9 +25,9 @@ use crate::{
     film::exr::{ExrImage, write_exr_plain},
 };
 
-/// The file that makes a directory a run directory.
+/// Name of the manifest, the file that makes a directory a run directory.
 pub const MANIFEST: &str = "run.toml";
-/// The sidecar that was made for a scene without one.
+/// Name of the sidecar that was made for a scene without one.
 pub const STAGING: &str = "staging.toml";
 
 /// A run cannot be recorded.

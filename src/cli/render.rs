@@ -1,4 +1,4 @@
-//! `render`: a scene as it is lit.
+//! `render`: the picture of a scene with given lights.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! `run`: finds the lights.
+//! `run`: finds the lights that give a scene a look.
 
 use std::{
     fmt::Write as _,
@@ -145,7 +145,7 @@ pub struct RunArgs {
     pub transport: TransportArgs,
 }
 
-/// Parses a tolerance.
+/// Parses a tolerance of f_q.
 fn parse_tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(t) if t > 0.0 && t <= 1.0 => Ok(t),
@@ -153,7 +153,7 @@ fn parse_tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a time.
+/// Parses a time in seconds.
 fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     seconds
@@ -176,7 +176,8 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
 }
 
-/// Width of the working pictures by default.
+/// Width of the working pictures by default, pixels: the noise and the cost of a search are those of this
+/// size, while the gradient term of f_q depends on it.
 const WORK_WIDTH: u32 = 128;
 
 /// Runs the subcommand.
@@ -248,7 +249,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     }
 }
 
-/// The looks asked for, and where they are recorded.
+/// Looks asked for, each with its run directory.
 fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     let Some(names) = &args.targets else {
         let look = Look::resolve(&args.target, args.target_mask.as_deref())?;
@@ -269,7 +270,7 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     Ok(wanted)
 }
 
-/// What of each term the lights reach, the lights found among them.
+/// Range of each term within reach of the lights, including the lights found.
 pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     let with_found = |reach: &Reach| {
         let found = r.check.evaluation[reach.term];
@@ -283,6 +284,7 @@ pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     r.reach.iter().map(with_found).collect()
 }
 
+/// Report of a look as a JSON object.
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     json!({
         "target": job.target.name(),
@@ -302,6 +304,7 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     })
 }
 
+/// Report of a look as text.
 fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     // Writing to a String does not fail.
     let mut text = String::new();

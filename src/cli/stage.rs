@@ -59,6 +59,7 @@ pub struct StageArgs {
     pub force: bool,
 }
 
+/// Parses an angle, degrees.
 fn parse_degrees(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if v.abs() <= 360.0 => Ok(v),

@@ -1,4 +1,4 @@
-//! A plot of what the lights can reach of every term, beside what was found.
+//! Plot of the terms found, beside the least that the lights can reach of each.
 
 use plotters::prelude::*;
 
@@ -9,24 +9,25 @@ use super::{
 };
 use crate::objective::Term;
 
-/// Lengths, pixels.
+/// Width and height of a panel, the gap between panels, and margins of the plot, pixels.
 const PANEL: (i32, i32) = (286, 168);
 const GAP: i32 = 36;
 const LEFT: i32 = 148;
 const TOP: i32 = 78;
 const BOTTOM: i32 = 56;
-/// Height of the letters.
+/// Height of the letters, pixels.
 const LETTERS: u32 = 15;
-/// The largest f shown, and the marks below.
+/// Largest f that is shown, and the marks of the scale: f of the gradient may exceed 1.
 const MOST: f64 = 1.25;
 const TICKS: [f64; 6] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25];
 
+/// Colours of what is out of reach, of terms found, and of published ones.
 const OUT_OF_REACH: RGBColor = RGBColor(205, 205, 205);
 const FOUND: RGBColor = RGBColor(0, 96, 160);
 const PAPER: RGBColor = RGBColor(200, 80, 0);
 
-/// Draws a panel per outcome: a column per scene; by look a row with the background fixed,
-/// and one with it free.
+/// Draws a panel for each outcome: a column for each scene, and for each look a row with the
+/// background's value fixed and one with it free.
 ///
 /// # Errors
 /// When the font or the canvas fails.
@@ -69,16 +70,18 @@ pub fn plot(outcomes: &[&Outcome]) -> Result<Canvas, FigureError> {
     })
 }
 
-/// Middle of a term's row in the panel at `y`.
+/// Vertical position of the middle of a term's row, in the panel whose upper edge is at `y`.
 fn row(y: i32, term: usize) -> i32 {
     y + PANEL.1 * (2 * term as i32 + 1) / (2 * Term::standing().count() as i32)
 }
 
-/// Where f lies in the panel at `x`.
+/// Horizontal position of the value `f`, in the panel whose left edge is at `x`.
 fn across(x: i32, f: f64) -> i32 {
     x + (f64::from(PANEL.0) * (f / MOST).clamp(0.0, 1.0)).round() as i32
 }
 
+/// Draws the terms of an outcome in the panel whose upper left corner is (x, y); the last row has the
+/// scale below.
 fn panel(area: &Area, found: Option<&Outcome>, (x, y): (i32, i32), is_last: bool) -> Result<(), FigureError> {
     let (right, bottom) = (x + PANEL.0, y + PANEL.1);
     for tick in TICKS {
@@ -107,11 +110,12 @@ fn panel(area: &Area, found: Option<&Outcome>, (x, y): (i32, i32), is_last: bool
     Ok(())
 }
 
+/// Draws the mark of a published term.
 fn diamond(area: &Area, (x, y): (i32, i32)) -> Result<(), FigureError> {
     line(area, &[(x - 6, y), (x, y - 6), (x + 6, y), (x, y + 6), (x - 6, y)], PAPER.to_rgba(), 2)
 }
 
-/// What the marks mean, in a line at the top.
+/// Draws what the marks mean, in a line at the top.
 fn legend(area: &Area) -> Result<(), FigureError> {
     let y = 22;
     let letter = |words, x| text(area, words, (x, y), LETTERS, INK, Anchor::Left);

@@ -1,4 +1,4 @@
-//! The tables: targets, what was found, what can be reached.
+//! Tables of targets, of terms found, and of terms within reach.
 
 use super::{
     LOOKS, Outcome, published,
@@ -9,13 +9,13 @@ use crate::{
     objective::{Evaluation, Goal, Target, Term, TermValue},
 };
 
-/// Headings, with those of the terms between `first` and `last`.
+/// Headings of a table with a column for each term between `first` and `last`.
 fn header(first: &[&'static str], last: &[&'static str]) -> Vec<&'static str> {
     let terms: Vec<&str> = Term::standing().map(Term::name).collect();
     [first, &terms, last].concat()
 }
 
-/// Table 1: targets and weights, as they are built in; the paper's.
+/// Table 1: the paper's targets and weights, as they are built in.
 #[must_use]
 pub fn targets(targets: &[Target; 2]) -> Table {
     let values = |target: &Target| -> Vec<Entry> {
@@ -39,16 +39,17 @@ pub fn targets(targets: &[Target; 2]) -> Table {
     }
 }
 
+/// Weighted sum of the terms, which is f_q up to rounding.
 fn sum(evaluation: &Evaluation) -> f64 {
     evaluation.terms().map(TermValue::contribution).sum()
 }
 
-/// The entry of a scalar term; of a distance a dash.
+/// Entry of a term with a measured value; a dash for a distance between distributions.
 fn scalar(term: Term, entry: impl FnOnce() -> Entry) -> Entry {
     if term.is_distance() { Entry::Dash } else { entry() }
 }
 
-/// Tables 2 and 3: the terms found, with the paper's numbers below ours where they are known.
+/// Tables 2 and 3: terms found, with the paper's numbers below ours where they are known.
 #[must_use]
 pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
@@ -86,14 +87,13 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     }
 }
 
-/// Weighted sum of the least f of each term by itself: a bound of f_q from below, as far as
-/// the scan saw.
+/// Weighted sum of the least f of each term by itself, a lower bound of f_q as far as the scan saw.
 #[must_use]
 pub fn sum_of_floors(outcome: &Outcome) -> f64 {
     outcome.reach.iter().map(|r| r.floor * outcome.found[r.term].weight).sum()
 }
 
-/// What the lights can reach of every term by itself, beside what was found.
+/// Table of the range of each term within reach by itself, beside the terms found.
 #[must_use]
 pub fn gaps(outcomes: &[&Outcome]) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();

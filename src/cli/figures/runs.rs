@@ -1,4 +1,4 @@
-//! The runs that the figures show.
+//! Runs that the figures show.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use crate::{
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject},
     figures::{
         LOOKS, Outcome, Study,
-        convergence::{Search, mode, steps},
+        convergence::{SearchLog, mode, steps},
         study::{BASKET, BASKET_TITLE},
         table::Entry,
     },
@@ -26,22 +26,29 @@ use crate::{
     variables::FreeKinds,
 };
 
-/// Most memory of a transport basis, bytes.
+/// Upper bound of the memory of transport bases, bytes: the default of `run`.
 const MEMORY: u64 = 2 << 30;
 
-/// What all runs share.
+/// Directories, settings and options that all runs share.
 #[derive(Clone, Copy)]
 pub(super) struct Runner<'a> {
+    /// Directory of the scenes.
     pub scenes: &'a Path,
+    /// Directory of the figures, with the runs below it.
     pub out: &'a Path,
+    /// Sizes, samples and limits.
     pub settings: Settings,
+    /// Options of light transport.
     pub transport: &'a TransportArgs,
+    /// Observer of the runs.
     pub console: &'a Console,
+    /// Whether earlier runs are replaced.
     pub force: bool,
 }
 
-/// Runs for all looks, and the seconds they took.
+/// Results of runs for all looks, and the seconds that they took.
 pub(super) struct Done<T> {
+    /// Result for each look.
     pub each: Vec<T>,
     /// Rows of the table of seconds.
     pub seconds: Vec<Vec<Entry>>,
@@ -61,7 +68,7 @@ pub(super) const TIMING_HEADER: [&str; 10] = [
     "seconds",
 ];
 
-/// Fails after Ctrl-C.
+/// Fails after an interrupt.
 pub(super) fn stop_if_interrupted(console: &Console, out: &Path) -> anyhow::Result<()> {
     if console.cancelled() {
         bail!("interrupted; what was finished is in {}", out.display());
@@ -109,7 +116,7 @@ impl Runner<'_> {
         Ok(reports)
     }
 
-    /// A row of seconds; `before` are the renders of the looks before this one.
+    /// Row of the table of seconds; `before` is the number of renders of the looks before this one.
     fn seconds(
         &self,
         scene: &str,
@@ -169,7 +176,7 @@ impl Runner<'_> {
     ///
     /// # Errors
     /// When the run fails, or is interrupted.
-    pub fn compared(&self) -> anyhow::Result<Done<Search>> {
+    pub fn compared(&self) -> anyhow::Result<Done<SearchLog>> {
         let mut done = Done { each: Vec::new(), seconds: Vec::new() };
         for gradient in [Gradient::Fd, Gradient::Basis] {
             self.console.note(&format!("== {BASKET_TITLE}, {} mode", mode(gradient)));
@@ -191,7 +198,7 @@ impl Runner<'_> {
             for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
                 done.seconds.push(self.seconds(BASKET_TITLE, "fixed", look, &options, report, before));
                 before = report.renders;
-                done.each.push(Search {
+                done.each.push(SearchLog {
                     gradient,
                     look,
                     steps: steps(&job.out)?,
@@ -203,7 +210,7 @@ impl Runner<'_> {
     }
 }
 
-/// A picture of a run, no wider than a figure shows it.
+/// Reads a picture of a run, reduced to at most [`WIDEST`].
 fn picture(path: &PathBuf) -> anyhow::Result<RgbImage> {
     let image = image::open(path).with_context(|| format!("{}: cannot read the picture", path.display()))?;
     let image = image.to_rgb8();

@@ -1,4 +1,4 @@
-//! Makes the parts one after another and writes them down.
+//! Making of the parts, one after another, and of the files that hold them.
 
 use std::{fs, path::PathBuf};
 
@@ -28,19 +28,22 @@ use crate::{
     objective::Target,
 };
 
-/// The page with everything in it.
+/// Name of the page with everything in it.
 const PAGE: &str = "index.html";
 
-/// Work in progress.
+/// Figures being made.
 pub(super) struct Workshop<'a> {
     runner: Runner<'a>,
+    /// Manifest of the files so far.
     manifest: Manifest,
+    /// Parts of the page so far.
     blocks: Vec<Block>,
+    /// Rows of the table of seconds so far.
     seconds: Vec<Vec<Entry>>,
 }
 
 impl<'a> Workshop<'a> {
-    /// Makes the directory, or clears it of earlier figures.
+    /// Makes the directory of the figures, or clears it of earlier ones.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -90,7 +93,7 @@ impl<'a> Workshop<'a> {
         Ok(workshop)
     }
 
-    /// Makes the parts, and the page of them all; returns where that is.
+    /// Makes the parts, and a page of them all; returns the path of the page.
     ///
     /// # Errors
     /// When a run fails, or is interrupted.
@@ -127,7 +130,7 @@ impl<'a> Workshop<'a> {
         Ok(write_whole(&self.runner.out.join(MANIFEST), text)?)
     }
 
-    /// Takes note of runs that are recorded below `directory`.
+    /// Adds runs that are recorded below `directory` to the manifest and to the table of seconds.
     fn took<T>(&mut self, done: Done<T>, directory: &str) -> anyhow::Result<Vec<T>> {
         self.manifest.add(self.runner.out, directory)?;
         self.save()?;
@@ -189,7 +192,7 @@ impl<'a> Workshop<'a> {
         self.put_figure("fig2", &grid.draw()?, caption.to_owned())
     }
 
-    /// A row per study with the start and what was found.
+    /// Makes a figure with a row for each study: the start, and the lights found for each look.
     fn pictures(&mut self, part: Part, studies: &[Study], outcomes: &[&Outcome]) -> anyhow::Result<()> {
         let of_basket = part == Part::Fig4;
         let row = |study: &Study| {
