@@ -120,7 +120,7 @@ pub struct RunReport {
     pub stop: StopReason,
     /// Range of each term within reach of the lights; empty in paper mode.
     pub reach: Vec<Reach>,
-    /// Why the result may not be what was meant.
+    /// Reason why the result may not be what was meant.
     pub caution: Option<String>,
     /// Wall time from the beginning of the run, s.
     pub seconds: f64,

@@ -224,7 +224,8 @@ fn finish(
     Ok(())
 }
 
-/// What a result that had to be ready in time lacks of what was asked for.
+/// Sentence about the precision and the samples that a result lacks because of its deadline; `None` if it
+/// lacks nothing.
 fn lacking(check: &JackknifeEstimate, last: Option<&pictures::Last>, setup: Setup) -> Option<String> {
     let options = setup.options;
     let limit = options.time_limit?;

@@ -88,7 +88,7 @@ pub struct Trial {
     pub end: Option<Vec<f64>>,
     /// End of its descents on the whole picture; `None` if it was not among the best ends.
     pub polished: Option<Polished>,
-    /// Whether it is the best trial, which goes on.
+    /// Whether the trial is the best one, which goes on.
     pub leads: bool,
 }
 

@@ -76,7 +76,7 @@ pub const REDUCTION: u32 = 4;
 /// Plan of a basis: ranges of what varies, knots and batches within the memory allowed.
 #[derive(Clone, Debug)]
 pub struct BasisPlan {
-    /// Ranges of what varies.
+    /// Ranges of the sizes and of the background's value that vary.
     ranges: BasisRanges,
     /// Knots of each free size.
     knots: usize,

@@ -57,7 +57,7 @@ impl<'a, const N: usize> Context<'a, N> {
         }
     }
 
-    /// Follows a ray to what ends it; see [`Scene::trace`].
+    /// Follows a ray to the surface or light that ends it; see [`Scene::trace`].
     #[inline]
     pub(super) fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>) -> Edge<'a> {
         self.scene.trace(org, dir, origin, self.plan.largest_value)

@@ -36,8 +36,8 @@ pub(super) fn combine(rows: &[&[f32]], weights: &[f64], out: &mut [f64]) {
     }
 }
 
-/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]`, the rows read once; the last of the three
-/// is added to what is there.
+/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]` with the rows read once, where the third sum is added to the
+/// values of `out[2]`.
 #[multiversion(targets = "simd")]
 pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
     let [a, b, c] = out;

@@ -79,7 +79,7 @@ pub struct Fitted {
     pub sizes: Vec<SizeBounds>,
     /// Least and largest value of the background; `None` without background.
     pub value_range: Option<[f32; 2]>,
-    /// Notes about what had to be changed, for the user.
+    /// Sentences about changes to the author's sizes, for the user.
     pub notes: Vec<String>,
 }
 
