@@ -39,10 +39,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = PathBuf::from(arguments.next().unwrap_or_else(basket));
     let target = Target::resolve(&arguments.next().unwrap_or_else(|| "high-key".into()))?;
 
-    // The scene, and what its author wishes to vary within which bounds.
-    let Loaded { scene, wishes, .. } = import::load(&path)?;
+    // The scene, and what its author lets vary within which bounds.
+    let Loaded { scene, constraints, .. } = import::load(&path)?;
     let authored = Lighting::authored(&scene);
-    let subject = Subject { scene: &scene, path: &path, authored: &authored, wishes: &wishes };
+    let subject = Subject { scene: &scene, path: &path, authored: &authored, constraints: &constraints };
 
     // As the command line has them, but for smaller pictures.
     let options = RunOptions {
@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         work_size: UVec2::new(64, 48),
         spp: None,
         final_spp: 32,
-        free: wishes.free.clone(),
+        free: constraints.free.clone(),
         seed: 0,
         max_evaluations: 30,
         force: true,

@@ -26,13 +26,14 @@ const KNOTS: usize = 14;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let basket = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/fruit_basket.obj").into();
-    let Loaded { scene, wishes, .. } = import::load(Path::new(&env::args_os().nth(1).unwrap_or(basket)))?;
+    let Loaded { scene, constraints, .. } =
+        import::load(Path::new(&env::args_os().nth(1).unwrap_or(basket)))?;
     let camera = scene.camera.resized(UVec2::new(160, 120));
     let view = View { scene: &scene, camera: &camera };
 
     // The sizes that each light may take, from the geometry around it.
     let authored = Lighting::authored(&scene);
-    let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, &wishes)?;
+    let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, &constraints)?;
 
     // Keeps every size of every light apart, and the background at one value. Samples go to all
     // sizes, so that any of them can be asked for.

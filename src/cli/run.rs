@@ -195,7 +195,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let console = Console::new();
     signals::catch("keeping what is found so far")?;
     let done = args.transport.in_pool(|| {
-        let Loaded { scene, wishes, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        let Loaded { scene, constraints, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
@@ -223,12 +223,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             work_size,
             spp: args.spp,
             final_spp: args.final_spp,
-            free: args.free.clone().map_or_else(|| wishes.free.clone(), FreeKinds),
+            free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
             force: args.pictures.force,
         };
-        let subject = Subject { scene: &scene, path: &scene_path, authored: &authored, wishes: &wishes };
+        let subject =
+            Subject { scene: &scene, path: &scene_path, authored: &authored, constraints: &constraints };
         let reports = design::run(subject, &options, &console)?;
         if let Some(sidecar) = &staging {
             for job in &jobs {

@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn looks_share_the_step_that_serves_all() {
-        let next = |wishes: &[Step]| Step::for_all(wishes, 16);
+        let next = |steps: &[Step]| Step::for_all(steps, 16);
         assert_eq!(next(&[Step::Check, Step::Check]), Step::Check);
         assert_eq!(next(&[Step::Check, Step::Search]), Step::Search);
         assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));

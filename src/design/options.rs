@@ -20,7 +20,7 @@ use crate::{
     sampler::SamplerKind,
     scene::Scene,
     transport::store::StoreError,
-    variables::{FreeKinds, ParamVector, SurveyError, Wishes},
+    variables::{Constraints, FreeKinds, ParamVector, SurveyError},
 };
 
 /// Source of the gradients of f_q.
@@ -53,7 +53,7 @@ pub struct Subject<'a> {
     /// Lighting that the scene's author gave it.
     pub authored: &'a Lighting,
     /// Constraints that the scene's author sets on the variables.
-    pub wishes: &'a Wishes,
+    pub constraints: &'a Constraints,
 }
 
 /// Options of a run.

@@ -33,7 +33,7 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    let Subject { scene, wishes, .. } = subject;
+    let Subject { scene, constraints, .. } = subject;
     check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
@@ -46,11 +46,12 @@ pub fn run(
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
     let (content, fitted) =
-        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, wishes));
+        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, constraints));
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
     let deadline = Deadline::new(start, options.time_limit);
-    let stage = Stage { scene, camera: &camera, fitted: &fitted, wishes, aovs: &aovs, options, deadline };
+    let stage =
+        Stage { scene, camera: &camera, fitted: &fitted, constraints, aovs: &aovs, options, deadline };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {
@@ -62,7 +63,7 @@ pub fn run(
         None => differences::unit_picture(&stage, reporter)?,
         Some(basis) => basis.unit_picture(),
     };
-    let survey = Survey::new(scene, &fitted, wishes, &options.free, options.luminance, &unit);
+    let survey = Survey::new(scene, &fitted, constraints, &options.free, options.luminance, &unit);
     let variables = survey.variables()?;
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };

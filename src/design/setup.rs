@@ -9,7 +9,7 @@ use crate::{
     objective::{JackknifeEstimate, Objective, Target},
     optim::StopReason,
     scene::Scene,
-    variables::{Fitted, ParamVector, Wishes},
+    variables::{Constraints, Fitted, ParamVector},
 };
 
 /// Camera subpaths for each light subpath of a working picture. On the fruit basket, where next-event
@@ -28,7 +28,7 @@ pub(super) struct Stage<'a> {
     /// The author's lighting within the bounds that geometry and materials set.
     pub fitted: &'a Fitted,
     /// Constraints that the scene's author sets on the variables.
-    pub wishes: &'a Wishes,
+    pub constraints: &'a Constraints,
     /// Auxiliary pictures of the working size.
     pub aovs: &'a Aovs,
     /// Options of the run.

@@ -136,7 +136,7 @@ impl BasisPlan {
     /// When even [`MIN_KNOTS`] need more memory than allowed.
     pub fn new(stage: &Stage, reporter: &impl Reporter) -> Result<Self, RunError> {
         let options = stage.options;
-        let ranges = stage.fitted.basis_ranges(stage.wishes, &options.free);
+        let ranges = stage.fitted.basis_ranges(stage.constraints, &options.free);
         let knots = if options.cache.is_some() { KEPT_KNOTS } else { KNOTS };
         let mut plan = Self { ranges, knots, batch: BATCH, fixed: stage.fitted.lighting.clone() };
         while plan.splat_memory(stage) > options.memory / BATCH_SHARE && plan.batch > 1 {

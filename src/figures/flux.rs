@@ -18,7 +18,7 @@ use crate::{
     sampler::SamplerKind,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
-    variables::{Fitted, SurveyError, Wishes, survey::gain_for},
+    variables::{Constraints, Fitted, SurveyError, survey::gain_for},
 };
 
 /// Number of sizes, each twice the one before: as many rows as fit beside five columns.
@@ -92,13 +92,13 @@ impl OneLight {
     /// Renders the basis of the light called `key`, else of the first that has a size.
     fn render(
         view: View,
-        wishes: &Wishes,
+        constraints: &Constraints,
         settings: &Settings,
         observer: &impl Observer,
     ) -> Result<Self, FluxError> {
         let scene = view.scene;
         let authored = Lighting::authored(scene);
-        let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, wishes)?;
+        let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, constraints)?;
         let suitable: Vec<(usize, f64, [f32; 2])> = scene
             .lights
             .iter()
@@ -146,13 +146,13 @@ impl OneLight {
 /// When no light has a size, or the render fails.
 pub fn grid(
     scene: &Scene,
-    wishes: &Wishes,
+    constraints: &Constraints,
     settings: &Settings,
     observer: &impl Observer,
 ) -> Result<Grid, FluxError> {
     let camera = scene.camera.resized(settings.size);
     let view = View { scene, camera: &camera };
-    let one = OneLight::render(view, wishes, settings, observer)?;
+    let one = OneLight::render(view, constraints, settings, observer)?;
     let light = &scene.lights[one.light];
     let mask = aov::trace(view, 1.0).mask;
     let reference = one.picture(1.0, one.sizes[REFERENCE]);

@@ -27,7 +27,7 @@ use crate::{
         Mesh, Scene,
         material::{Coats, Material, MaterialParams, Model},
     },
-    variables::Wishes,
+    variables::Constraints,
 };
 
 /// A scene with what its files say beside it.
@@ -35,8 +35,8 @@ use crate::{
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// What its author wishes of the variables.
-    pub wishes: Wishes,
+    /// Constraints that the scene's author sets on the variables.
+    pub constraints: Constraints,
     /// Facts found while loading that a user should hear of.
     pub warnings: Vec<String>,
     /// The sidecar that was made for a scene without one.
@@ -49,9 +49,9 @@ pub struct Loaded {
 /// ```
 /// use lightopt_embree::import::{self, Loaded};
 ///
-/// let Loaded { scene, wishes, .. } = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?;
+/// let Loaded { scene, constraints, .. } = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?;
 /// assert_eq!(scene.light_names(), ["ceiling"]);
-/// assert!(wishes.free.contains("size"));
+/// assert!(constraints.free.contains("size"));
 /// # Ok::<(), import::ImportError>(())
 /// ```
 ///
@@ -202,7 +202,8 @@ impl Builder<'_> {
         if background.is_empty() {
             warnings.push("no background material has a colour: the background's value is not free".into());
         }
-        let (lights, light_wishes) = self.lights(sidecar, &parts.lights, &mesh, &materials, &mut warnings)?;
+        let (lights, light_constraints) =
+            self.lights(sidecar, &parts.lights, &mesh, &materials, &mut warnings)?;
         if let Some([lo, hi]) = sidecar.background.value_range
             && !(lo >= 0.0 && lo <= hi && hi.is_finite())
         {
@@ -219,15 +220,15 @@ impl Builder<'_> {
                 format!("must be from {:e} to {MAX_EXPOSURE:e}, got {exposure:e}", 1.0 / MAX_EXPOSURE);
             return Err(self.error("exposure", message));
         }
-        let wishes = Wishes {
+        let constraints = Constraints {
             free: sidecar.free.clone(),
-            lights: light_wishes,
+            lights: light_constraints,
             value_range: sidecar.background.value_range,
         };
         let mut scene = scene.with_background(background);
         scene.exposure = exposure;
         scene.is_main = is_main;
-        Ok(Loaded { scene, wishes, warnings, staging: None })
+        Ok(Loaded { scene, constraints, warnings, staging: None })
     }
 
     /// What the scene file holds.

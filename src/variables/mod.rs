@@ -6,6 +6,7 @@
 
 mod background;
 pub mod bounds;
+mod constraints;
 mod kind;
 mod radiance;
 mod range;
@@ -13,11 +14,10 @@ mod size;
 pub mod survey;
 mod table;
 mod variable;
-mod wishes;
 
+pub use constraints::{Constraints, FreeKinds, LightConstraints};
 pub use kind::{BasisRanges, Kind, Limits, MatchedStart, Owner, SizeBounds, SurveyedScene, VariableKind};
 pub use range::{Range, Scale};
 pub use survey::{Fitted, Survey, SurveyError};
 pub use table::KINDS;
 pub use variable::{ParamVector, Variable};
-pub use wishes::{FreeKinds, LightWishes, Wishes};

@@ -17,8 +17,8 @@
 use rayon::prelude::*;
 
 use super::{
-    BasisRanges, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds, SurveyedScene,
-    Variable, VariableKind, Wishes, bounds,
+    BasisRanges, Constraints, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds,
+    SurveyedScene, Variable, VariableKind, bounds,
 };
 use crate::{
     film::Picture,
@@ -89,14 +89,14 @@ impl Fitted {
     ///
     /// # Errors
     /// When there are no lights, or a light touches a surface at any size.
-    pub fn new(view: View, authored: &Lighting, wishes: &Wishes) -> Result<Self, SurveyError> {
+    pub fn new(view: View, authored: &Lighting, constraints: &Constraints) -> Result<Self, SurveyError> {
         let scene = view.scene;
         if scene.lights.is_empty() {
             return Err(SurveyError::NoLights);
         }
         let found: Vec<SizeBounds> =
             scene.lights.par_iter().map(|light| bounds::size_range(view, light)).collect();
-        let value_range = value_range(scene, wishes.value_range);
+        let value_range = value_range(scene, constraints.value_range);
         let value = value_range.map_or(1.0, |[least, largest]| match least < largest {
             true => 1.0_f32.min(largest),
             false => largest,
@@ -108,7 +108,7 @@ impl Fitted {
             notes: Vec::new(),
         };
         for (i, found) in found.into_iter().enumerate() {
-            let range = found.map(|found| fitted.fit_size(scene, i, found, wishes.lights[i].size_range));
+            let range = found.map(|found| fitted.fit_size(scene, i, found, constraints.lights[i].size_range));
             fitted.sizes.push(range.transpose()?);
         }
         Ok(fitted)
@@ -156,10 +156,12 @@ impl Fitted {
     /// Ranges that a transport basis must hold, so that every variable that is `free` in a run and for the
     /// scene's author may take all of its values.
     #[must_use]
-    pub fn basis_ranges(&self, wishes: &Wishes, free: &FreeKinds) -> BasisRanges {
+    pub fn basis_ranges(&self, constraints: &Constraints, free: &FreeKinds) -> BasisRanges {
         let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
         for kind in VariableKind::all() {
-            for light in owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, wishes, free)) {
+            for light in
+                owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, constraints, free))
+            {
                 kind.open(self.limits(), light, &mut ranges);
             }
         }
@@ -183,12 +185,12 @@ fn owners(kind: VariableKind, n: usize) -> std::ops::Range<usize> {
 }
 
 /// Whether the variable of a kind that a light has, or the scene, is `free` in a run and in the
-/// wishes of the scene's author.
-fn is_free(kind: VariableKind, light: usize, wishes: &Wishes, free: &FreeKinds) -> bool {
+/// constraints of the scene's author.
+fn is_free(kind: VariableKind, light: usize, constraints: &Constraints, free: &FreeKinds) -> bool {
     let keyword = kind.keyword();
     free.contains(keyword)
         && match kind.owner() {
-            Owner::Light => wishes.lights[light].free.contains(keyword),
+            Owner::Light => constraints.lights[light].free.contains(keyword),
             Owner::Scene(_) => true,
         }
 }
@@ -244,7 +246,7 @@ pub struct Survey<'a> {
     /// Lighting of the scene within its bounds.
     pub fitted: &'a Fitted,
     /// Constraints that the scene's author sets.
-    pub wishes: &'a Wishes,
+    pub constraints: &'a Constraints,
     /// Kinds of variables that are free in the run.
     pub free: &'a FreeKinds,
     /// Measure of luminance.
@@ -265,7 +267,7 @@ impl<'a> Survey<'a> {
     pub fn new(
         scene: &'a Scene,
         fitted: &'a Fitted,
-        wishes: &'a Wishes,
+        constraints: &'a Constraints,
         free: &'a FreeKinds,
         luminance: LuminanceMode,
         unit: &Picture,
@@ -280,7 +282,7 @@ impl<'a> Survey<'a> {
         let gain = gain_for(&alike, |_| 1.0, START, exposure, luminance);
         let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, luminance));
         let bright = bright.collect();
-        Self { scene, fitted, wishes, free, luminance, images, means, bright, gain }
+        Self { scene, fitted, constraints, free, luminance, images, means, bright, gain }
     }
 
     /// Results from which the ranges of the variables follow.
@@ -289,7 +291,7 @@ impl<'a> Survey<'a> {
             limits: self.fitted.limits(),
             sizes: &self.fitted.lighting.size,
             units: self.scene.lights.iter().map(|light| light.unit()).collect(),
-            radiance_max: self.wishes.lights.iter().map(|light| light.radiance_max).collect(),
+            radiance_max: self.constraints.lights.iter().map(|light| light.radiance_max).collect(),
             bright: &self.bright,
             neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
         }
@@ -297,7 +299,7 @@ impl<'a> Survey<'a> {
 
     /// Variable of a kind that a light, or the scene, has; `None` if it is not free.
     fn variable(&self, scene: &SurveyedScene, kind: VariableKind, light: usize) -> Option<Variable> {
-        if !is_free(kind, light, self.wishes, self.free) {
+        if !is_free(kind, light, self.constraints, self.free) {
             return None;
         }
         // Where both bounds are the same nothing is free.
@@ -312,9 +314,9 @@ impl<'a> Survey<'a> {
     /// # Errors
     /// When a light of the sidecar, or every light, lights no pixel, or nothing is free.
     pub fn variables(&self) -> Result<ParamVector, SurveyError> {
-        let Self { scene, means, wishes, .. } = self;
+        let Self { scene, means, constraints, .. } = self;
         // One that the scene file happens to have is left as it is, unless there is no other.
-        let is_needed = |i: usize| !wishes.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
+        let is_needed = |i: usize| !constraints.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
         if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
             return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
         }

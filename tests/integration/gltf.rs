@@ -321,9 +321,9 @@ fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
     assert_eq!(scene.camera.size().to_array(), [640, 320]);
     assert_eq!(scene.lights.len(), 1);
     assert_eq!((scene.lights[0].name.as_str(), scene.lights[0].radiance), ("lamp", 2.0));
-    assert!(loaded.wishes.lights[0].free.contains("radiance"));
+    assert!(loaded.constraints.lights[0].free.contains("radiance"));
     let view = View { scene, camera: &scene.camera };
-    let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.wishes).unwrap();
+    let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.constraints).unwrap();
     assert_eq!(fitted.sizes, [None], "a point has no size that could be free");
     let assert = room.command(&["render", "s", "--spp", "1", "--size", "8x4", "-o", "a.png"]).assert();
     assert.code(0).stderr(contains("s.toml does not exist: everything is the main object\n").count(1));

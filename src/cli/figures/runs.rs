@@ -107,9 +107,9 @@ impl Runner<'_> {
     fn run(&self, scene: &str, options: &RunOptions) -> anyhow::Result<Vec<RunReport>> {
         let path = self.scenes.join(scene);
         let loaded = load_scene(&path, |w| self.console.note(w))?;
-        let Loaded { scene, wishes, .. } = &loaded;
+        let Loaded { scene, constraints, .. } = &loaded;
         let authored = Lighting::authored(scene);
-        let subject = Subject { scene, path: &path, authored: &authored, wishes };
+        let subject = Subject { scene, path: &path, authored: &authored, constraints };
         let reports =
             design::run(subject, options, self.console).with_context(|| path.display().to_string())?;
         stop_if_interrupted(self.console, self.out)?;

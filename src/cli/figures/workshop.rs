@@ -179,7 +179,7 @@ impl<'a> Workshop<'a> {
             seed: transport.seed,
         };
         console.stage("rendering the transport basis", Some(u64::from(how.size.y)));
-        let grid = match flux::grid(&loaded.scene, &loaded.wishes, &how, console) {
+        let grid = match flux::grid(&loaded.scene, &loaded.constraints, &how, console) {
             Err(flux::FluxError::Render(RenderError::Cancelled)) => {
                 return stop_if_interrupted(console, out);
             }

@@ -23,7 +23,7 @@ use crate::{
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
     scene::{Material, Mesh, interaction},
-    variables::LightWishes,
+    variables::LightConstraints,
 };
 
 /// Widest picture of surroundings that is kept as it is, pixels.
@@ -50,7 +50,7 @@ impl Builder<'_> {
         mesh: &Mesh,
         materials: &[Material],
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<Light>, Vec<LightWishes>), ImportError> {
+    ) -> Result<(Vec<Light>, Vec<LightConstraints>), ImportError> {
         let mut names = HashSet::new();
         for (i, l) in sidecar.lights.iter().enumerate() {
             // EXR parts bear the names.
@@ -65,9 +65,12 @@ impl Builder<'_> {
         }
         let mut unlit: BTreeSet<usize> = (0..materials.len()).collect();
         let mut lights = Vec::new();
-        let mut wishes = Vec::new();
-        let from_file =
-            || LightWishes { free: sidecar.free.clone(), is_from_file: true, ..LightWishes::default() };
+        let mut constraints = Vec::new();
+        let from_file = || LightConstraints {
+            free: sidecar.free.clone(),
+            is_from_file: true,
+            ..LightConstraints::default()
+        };
         for l in imported {
             if names.contains(&l.name) {
                 let file = self.scene_path.display();
@@ -75,12 +78,12 @@ impl Builder<'_> {
             } else {
                 names.insert(l.name.clone());
                 lights.push(punctual(l));
-                wishes.push(from_file());
+                constraints.push(from_file());
             }
         }
         for l in &sidecar.lights {
             lights.push(self.light(l, mesh, materials, &mut unlit, warnings)?);
-            wishes.push(self.light_wishes(sidecar, l)?);
+            constraints.push(self.light_constraints(sidecar, l)?);
         }
         for m in unlit.into_iter().filter(|&m| materials[m].is_emissive()) {
             let material = &materials[m];
@@ -96,12 +99,12 @@ impl Builder<'_> {
                 camera_visible: true,
                 occludes: false,
             });
-            wishes.push(from_file());
+            constraints.push(from_file());
         }
-        Ok((lights, wishes))
+        Ok((lights, constraints))
     }
 
-    fn light_wishes(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightWishes, ImportError> {
+    fn light_constraints(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightConstraints, ImportError> {
         if let Some([lo, hi]) = l.size_range
             && !(lo > 0.0 && lo <= hi && hi.is_finite())
         {
@@ -116,7 +119,12 @@ impl Builder<'_> {
             return Err(self.error(key, "a light that stops rays has no free size"));
         }
         let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
-        Ok(LightWishes { free, size_range: l.size_range, radiance_max: l.radiance_max, is_from_file: false })
+        Ok(LightConstraints {
+            free,
+            size_range: l.size_range,
+            radiance_max: l.radiance_max,
+            is_from_file: false,
+        })
     }
 
     fn check_keys(&self, l: &LightSpec) -> Result<(), ImportError> {

@@ -38,18 +38,18 @@ impl FreeKinds {
 
 /// Freedom and bounds of the variables, as the scene's author wants them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wishes {
+pub struct Constraints {
     /// Kinds of variables that are free in the scene.
     pub free: FreeKinds,
     /// Freedom and bounds of each light's variables, in the scene's order.
-    pub lights: Vec<LightWishes>,
+    pub lights: Vec<LightConstraints>,
     /// Bounds of the background's value; `None` for those that the materials set.
     pub value_range: Option<[f32; 2]>,
 }
 
 /// Freedom and bounds of the variables of a light.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightWishes {
+pub struct LightConstraints {
     /// Kinds of variables that are free for the light.
     pub free: FreeKinds,
     /// Bounds of the size; `None` for those that the geometry sets.
