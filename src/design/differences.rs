@@ -41,6 +41,11 @@ const RESTARTS: [Restart; 3] = [
     Restart { delta: 5e-3, share: 0.3, first_step: 0.02 },
     Restart { delta: Smoothing::DELTA_LAST, share: 0.2, first_step: 0.005 },
 ];
+/// Change of f_q per iteration below which a descent ends: ten times that of a descent on the basis, since
+/// evaluations are dear and noisy. Set by reasoning.
+const F_TOLERANCE: f64 = 1e-5;
+/// Change of all variables per iteration below which a descent ends, likewise.
+const X_TOLERANCE: f64 = 1e-4;
 /// Samples per pixel of the first renders, if none are asked for: the fruit basket needs 12 in low-key
 /// and 16 in high-key at the default tolerance.
 const FIRST_SAMPLES: u32 = 12;
@@ -193,8 +198,8 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let mut failure = None;
         let options = optim::Options {
             max_evaluations: Some(allowed),
-            f_tol_abs: 1e-5,
-            x_tol_abs: 1e-4,
+            f_tol_abs: F_TOLERANCE,
+            x_tol_abs: X_TOLERANCE,
             first_step: Some(restart.first_step),
             ..Default::default()
         };

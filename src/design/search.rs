@@ -334,8 +334,6 @@ fn descend(
         let smoothing = Smoothing::with_delta(delta);
         let options = optim::Options {
             max_evaluations: Some(EVALUATIONS),
-            f_tol_abs: 1e-6,
-            x_tol_abs: 1e-5,
             first_step: Some(first_step),
             ..Default::default()
         };

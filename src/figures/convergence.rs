@@ -110,9 +110,11 @@ pub fn table(searches: &[SearchLog]) -> Table {
 
 /// Width and height of the plot, pixels.
 const SIZE: (u32, u32) = (1120, 800);
-/// Colours of evaluations, of the best f_q so far, and of the result.
+/// Colour of evaluations.
 const POINT: RGBColor = RGBColor(120, 160, 200);
+/// Colour of the least f_q so far.
 const BEST: RGBColor = RGBColor(0, 70, 130);
+/// Colour of the result.
 const CHECK: RGBColor = RGBColor(200, 80, 0);
 
 /// Height of the legend above the panels, pixels.

@@ -9,21 +9,28 @@ use super::{
 };
 use crate::objective::Term;
 
-/// Width and height of a panel, the gap between panels, and margins of the plot, pixels.
+/// Width and height of a panel, pixels.
 const PANEL: (i32, i32) = (286, 168);
+/// Distance between panels, pixels.
 const GAP: i32 = 36;
+/// Left margin, with the names of looks and terms, pixels.
 const LEFT: i32 = 148;
+/// Upper margin, with the legend and the names of scenes, pixels.
 const TOP: i32 = 78;
+/// Lower margin, with the scale, pixels.
 const BOTTOM: i32 = 56;
 /// Height of the letters, pixels.
 const LETTERS: u32 = 15;
-/// Largest f that is shown, and the marks of the scale: f of the gradient may exceed 1.
+/// Largest f that is shown: f of the gradient may exceed 1.
 const MOST: f64 = 1.25;
+/// Values of f at the marks of the scale.
 const TICKS: [f64; 6] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25];
 
-/// Colours of what is out of reach, of terms found, and of published ones.
+/// Colour of values of a term that are out of reach.
 const OUT_OF_REACH: RGBColor = RGBColor(205, 205, 205);
+/// Colour of terms found.
 const FOUND: RGBColor = RGBColor(0, 96, 160);
+/// Colour of published terms.
 const PAPER: RGBColor = RGBColor(200, 80, 0);
 
 /// Draws a panel for each outcome: a column for each scene, and for each look a row with the

@@ -30,7 +30,9 @@ pub const STUDIES: [Study; 6] = [
     study(BASKET_TITLE, BASKET, true, "fruit-basket-background"),
 ];
 
+/// Path of the girl's scene file below the directory of scenes.
 const GIRL: &str = "fetched/girl.obj";
+/// Path of the creature's scene file below the directory of scenes.
 const CREATURE: &str = "fetched/creature.obj";
 /// Name of the fruit basket in tables.
 pub const BASKET_TITLE: &str = "Fruit basket";

@@ -9,6 +9,7 @@ use crate::{lighting::Lighting, transport::LightingGradient};
 pub(super) struct Background;
 
 impl Background {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "background";
 }
 

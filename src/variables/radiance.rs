@@ -13,6 +13,7 @@ const HEADROOM: f64 = 4.0;
 pub(super) struct Radiance;
 
 impl Radiance {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "radiance";
 }
 

@@ -9,6 +9,7 @@ use crate::{lighting::Lighting, transport::LightingGradient};
 pub(super) struct Size;
 
 impl Size {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "size";
 }
 
