@@ -16,24 +16,35 @@
 //!
 //! # Modules, lowest floor first
 //!
+//! A module uses only modules above it in this table.
+//!
 //! | module | what it holds |
 //! | --- | --- |
-//! | [`math`] | colour, display encoding, frames, densities, warps, statistics |
+//! | [`math`] | colour, display encoding, frames, densities, warps, distributions, statistics |
 //! | [`files`] | atomic writing, TOML with helpful errors |
 //! | [`embree`] | ray queries |
-//! | [`bsdf`], [`light`], [`camera`], [`sampler`] | the parts of light transport |
-//! | [`scene`] | OBJ, glTF and sidecar; staging; what an integrator asks of geometry |
+//! | [`bsdf`] | scattering at surfaces |
+//! | [`light`] | light sources that can be resized for free |
+//! | [`camera`] | pinhole and thin lens |
+//! | [`sampler`] | sequences of sample points |
+//! | [`scene`] | geometry, materials, lights: what an integrator asks of a scene |
+//! | [`lighting`] | what a picture of a scene varies, and what steers its samples |
 //! | [`film`] | contributions to pictures; EXR, PNG |
-//! | [`export`] | the scene for other renderers |
 //! | [`integrator`] | path tracing, bidirectional path tracing |
-//! | [`params`] | the free variables, their bounds and start |
-//! | [`objective`] | f_q, its terms and targets |
+//! | [`transport`] | the transport basis: one render from which every lighting follows |
+//! | [`variables`] | the free variables, their bounds, scales and starts |
+//! | [`objective`] | f_q, its terms, targets and signatures |
+//! | [`import`] | scene files: OBJ, MTL, glTF, sidecar; staging |
 //! | [`photo`] | photographs as looks, signatures learned from them |
-//! | [`optim`] | NLopt's L-BFGS, differences |
+//! | [`optim`] | NLopt's searches, finite differences |
+//! | [`export`] | lit scenes for other renderers |
 //! | [`audit`] | the run directory |
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |
 //! | [`cli`] | the command line |
+//!
+//! `docs/architecture.md` shows how data goes through them and where to add what,
+//! `docs/formats.md` every file that is read or written, and `examples/` how to use the library.
 //!
 //! # Bibliography
 //!
@@ -87,6 +98,8 @@
 //!   Pacific Graphics short papers, 2014.
 //! - \[Peyre19\] G. Peyré, M. Cuturi, *Computational Optimal Transport*, Found. Trends Mach.
 //!   Learn. 11(5-6), 2019.
+//! - \[Roberts18\] M. Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*,
+//!   2018.
 //! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
 //!   CGF 13(3), 1994.
 //! - \[Schucany71\] W. Schucany, H. Gray, D. Owen, *On Bias Reduction in Estimation*, JASA
@@ -131,9 +144,11 @@ pub mod lighting;
 pub mod math;
 pub mod objective;
 pub mod optim;
-
 pub mod photo;
 pub mod sampler;
 pub mod scene;
 pub mod transport;
 pub mod variables;
+
+#[cfg(test)]
+mod tests;

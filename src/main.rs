@@ -1,20 +1,21 @@
-//! Command-line entry point. Exit codes: 0 done, 1 failed, 2 usage.
+//! Command-line entry point. Exit codes: 0 done, 1 failed, 2 usage, 128 and the number of a signal
+//! that ended the work in order.
 
 use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use lightopt_embree::cli::{Cli, run};
+use lightopt_embree::cli::{Cli, exit_code, interrupted, run};
 
 fn main() -> ExitCode {
     // Usage errors and --help end here, with 2 and 0.
     let cli = Cli::parse();
     match run(&cli) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => exit_code(),
         Err(error) => {
             // Not `eprintln!`, which panics when standard error is closed.
             let _ = writeln!(std::io::stderr(), "error: {error:#}");
-            ExitCode::FAILURE
+            if interrupted() { exit_code() } else { ExitCode::FAILURE }
         }
     }
 }

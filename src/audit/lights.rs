@@ -1,17 +1,4 @@
-//! `lights.toml`: a lighting on disk, to be rendered again.
-//!
-//! ```toml
-//! schema = 1
-//! exposure = 1.0
-//!
-//! [background]
-//! value = 0.4
-//!
-//! [[lights]]
-//! name = "key"
-//! radiance = 12.5
-//! size = 0.8
-//! ```
+//! `lights.toml`: a lighting on disk, to be rendered again. Its keys are listed in `docs/formats.md`.
 
 use std::path::{Path, PathBuf};
 
@@ -20,53 +7,53 @@ use serde::{Deserialize, Serialize};
 use super::stored::About;
 use crate::{
     files::{nearest, toml_file::TomlError},
-    lighting::Lighting,
+    lighting::{Lighting, MAX_RADIANCE},
     scene::Scene,
     transport::Layout,
 };
 
-/// Version of the format.
+/// Version of the format that is read and written.
 const SCHEMA: u32 = 1;
 
-/// The file.
+/// Contents of a `lights.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightsFile {
-    /// Must be 1.
+    /// Version of the format, which must be 1.
     pub schema: u32,
-    /// Factor on luminance before display encoding; the scene's when absent.
+    /// Exposure, a factor on luminance before display encoding; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposure: Option<f32>,
-    /// The background's value.
+    /// Setting of the background; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<Background>,
-    /// Lights by name; others keep what the scene gives them.
+    /// Settings of lights by name; other lights keep the scene's.
     #[serde(default)]
     pub lights: Vec<LightSetting>,
 }
 
-/// `[background]`.
+/// Setting of the background, `[background]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Background {
-    /// Factor on the base colour of the background materials.
+    /// Value of the background, a factor on the base colour of its materials.
     pub value: f32,
 }
 
-/// `[[lights]]`.
+/// Setting of a light, `[[lights]]`.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightSetting {
     /// Name of the light in the scene.
     pub name: String,
-    /// Radiance L.
+    /// Radiance L of the light, in its own unit.
     pub radiance: f32,
-    /// Size s; the scene's when absent.
+    /// Size s of the light, a factor on its unit extents; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<f32>,
 }
 
-/// A lighting does not fit.
+/// A lighting cannot be read, or does not fit its scene or basis.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum LightingError {
@@ -79,7 +66,7 @@ pub enum LightingError {
 }
 
 impl LightsFile {
-    /// The file of a lighting of a scene.
+    /// Settings that describe the lighting `x` of a scene.
     #[must_use]
     pub fn new(scene: &Scene, x: &Lighting) -> Self {
         let background = Background { value: x.value as f32 };
@@ -98,10 +85,10 @@ impl LightsFile {
         }
     }
 
-    /// Reads a lighting.
+    /// Reads a file of settings.
     ///
     /// # Errors
-    /// With file, line and what is allowed.
+    /// When the file cannot be read, with file, line and what is allowed.
     pub fn load(path: &Path) -> Result<Self, LightingError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| LightingError::Read { path: path.into(), source })?;
@@ -113,7 +100,7 @@ impl LightsFile {
         Ok(lighting)
     }
 
-    /// Sets what the file says in a lighting of a scene; `path` is for messages.
+    /// Applies the settings to the lighting `x` of a scene; `path` names the file in messages.
     ///
     /// # Errors
     /// With the key, when a name is unknown or a value outside its range.
@@ -130,8 +117,9 @@ impl LightsFile {
                     .map_or_else(|| format!("; it has {}", known()), |n| format!("; did you mean `{n}`?"));
                 return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
             };
-            let ok = l.radiance >= 0.0 && l.radiance.is_finite();
-            require(ok, format!("lights.{}.radiance", l.name), ">= 0", l.radiance)?;
+            let allowed = format!(">= 0 and at most {MAX_RADIANCE:e}");
+            let ok = (0.0..=MAX_RADIANCE).contains(&l.radiance);
+            require(ok, format!("lights.{}.radiance", l.name), &allowed, l.radiance)?;
             x.radiance[i] = f64::from(l.radiance);
             let Some(size) = l.size else { continue };
             let (key, fixed) = (format!("lights.{}.size", l.name), scene.lights[i].size);
@@ -160,7 +148,7 @@ impl LightsFile {
         Ok(())
     }
 
-    /// Sets what the file says in a lighting of a stored basis; `path` is for messages.
+    /// Applies the settings to the lighting `x` of a stored basis; `path` names the file in messages.
     ///
     /// # Errors
     /// With the key, when a name is unknown or a value is not in the basis.
@@ -178,8 +166,8 @@ impl LightsFile {
                 let message = format!("the basis has no light `{}`; it has {known}", l.name);
                 return Err(fail("lights.name".into(), message));
             };
-            if !(l.radiance >= 0.0 && l.radiance.is_finite()) {
-                let message = format!("must be >= 0, got {}", l.radiance);
+            if !(0.0..=MAX_RADIANCE).contains(&l.radiance) {
+                let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", l.radiance);
                 return Err(fail(format!("lights.{}.radiance", l.name), message));
             }
             x.radiance[i] = f64::from(l.radiance);

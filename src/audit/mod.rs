@@ -1,29 +1,15 @@
 //! The run directory: an auditable record of what was done and found.
 //!
-//! ```text
-//! RUN/
-//!   run.toml            everything resolved: scene, options, seed, variables with bounds, versions
-//!   evaluations.jsonl   a line per evaluation: x, f_q and its error, every term, |gradient|, renders
-//!   starts.jsonl        where the search on the transport basis began, and what became of it
-//!   iterations.jsonl    those evaluations that improved on the best so far
-//!   timing.jsonl        seconds, apart from the above
-//!   iter_0000.exr …     a picture per iteration, see [`picture`]
-//!   initial.exr initial.png final.exr final.png
-//!   lights.toml         the lights found; `render --lights`, with the run's seed, size
-//!                       and final samples, makes final.exr's picture again
-//!   staging.toml        the sidecar made for a scene without one
-//! ```
-//!
-//! All but `timing.jsonl` are the same bytes for the same scene, options and
-//! seed. Pictures and TOML files appear whole or not at all; a log grows by
-//! whole lines, so that a killed run leaves a readable one.
+//! Its files, with the keys of the logs and of the manifest, are listed in `docs/formats.md`. All but
+//! `timing.jsonl` are the same bytes for the same scene, options and seed. Pictures and TOML files appear
+//! whole or not at all; a log grows by whole lines, so that a killed run leaves a readable one.
 
 pub mod lights;
 pub mod picture;
 pub mod stored;
 
 use std::{
-    fs::{self, File, OpenOptions},
+    fs::{self, File, OpenOptions, TryLockError},
     io::{self, Write},
     path::{Path, PathBuf},
 };
@@ -39,9 +25,9 @@ use crate::{
     film::exr::{ExrImage, write_exr_plain},
 };
 
-/// The file that makes a directory a run directory.
+/// Name of the manifest, the file that makes a directory a run directory.
 pub const MANIFEST: &str = "run.toml";
-/// The sidecar that was made for a scene without one.
+/// Name of the sidecar that was made for a scene without one.
 pub const STAGING: &str = "staging.toml";
 
 /// A run cannot be recorded.
@@ -52,6 +38,8 @@ pub enum AuditError {
     Exists { path: PathBuf },
     #[error("{path}: not empty and not a run directory; choose another --out", path = path.display())]
     NotARun { path: PathBuf },
+    #[error("{path}: another run is being recorded here; wait for it, or choose another --out", path = path.display())]
+    Busy { path: PathBuf },
     #[error("{path}: cannot {action}", path = path.display())]
     Io { path: PathBuf, action: &'static str, source: io::Error },
     #[error(transparent)]
@@ -70,6 +58,8 @@ pub struct RunDir {
     iterations: File,
     timing: File,
     n_iterations: usize,
+    /// Held as long as the run is recorded: another one is refused.
+    _lock: File,
 }
 
 impl RunDir {
@@ -105,6 +95,7 @@ impl RunDir {
         Self::check(path, force)?;
         let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
+        let lock = lock(path)?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
             let entry = entry.map_err(fail("read the directory"))?;
             let name = entry.file_name();
@@ -128,13 +119,8 @@ impl RunDir {
             timing: log("timing.jsonl")?,
             path: path.into(),
             n_iterations: 0,
+            _lock: lock,
         })
-    }
-
-    /// The directory.
-    #[must_use]
-    pub fn path(&self) -> &Path {
-        &self.path
     }
 
     /// Appends an evaluation.
@@ -175,6 +161,18 @@ impl RunDir {
         self.n_iterations += iterations.len();
         let path = self.path.join("iterations.jsonl");
         iterations.iter().try_for_each(|(line, _)| append(&mut self.iterations, &path, line))
+    }
+}
+
+/// Takes the lock of a run directory, which ends with the process: the directory itself is locked, so
+/// that nothing is left behind.
+fn lock(directory: &Path) -> Result<File, AuditError> {
+    let fail = |source| AuditError::Io { path: directory.into(), action: "lock the directory", source };
+    let file = File::open(directory).map_err(fail)?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(AuditError::Busy { path: directory.into() }),
+        Err(TryLockError::Error(source)) => Err(fail(source)),
     }
 }
 

@@ -14,7 +14,8 @@ use crate::{
     math::display::LuminanceMode,
 };
 
-/// Assembles the parts; `attribute` becomes the `lightopt` attribute.
+/// Assembles the EXR of a picture with its auxiliary pictures and a part for each light; `attribute`
+/// becomes the `lightopt` attribute.
 #[must_use]
 pub fn exr(
     picture: &Picture,
@@ -37,7 +38,7 @@ pub fn exr(
     ExrImage { width: picture.width, height: picture.height, parts, lightopt: Some(attribute) }
 }
 
-/// The beauty, for PNG.
+/// Radiance of a picture without its parts, to be written as PNG.
 #[must_use]
 pub fn beauty(picture: &Picture) -> LinearImage {
     LinearImage { width: picture.width, height: picture.height, rgb: picture.rgb.clone() }

@@ -1,5 +1,5 @@
-//! What a stored basis says about its scene: enough to light it again and to
-//! vary it without the scene's files.
+//! Description of the scene of a stored basis: enough to light it again and to vary it without the
+//! scene's files.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,41 +13,41 @@ use crate::{
     variables::{ParamVector, Scale, Variable, VariableKind},
 };
 
-/// About a stored basis.
+/// Description of the scene of a stored basis.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct About {
     /// Name of the scene.
     pub scene: String,
-    /// Names of the lights.
+    /// Names of the lights, in the scene's order.
     pub lights: Vec<String>,
-    /// The lighting of what is not set otherwise.
+    /// Lighting of everything that is not set otherwise.
     #[serde(flatten)]
     pub fixed: Lighting,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
-    /// Lengths of runs of pixels off and on the main object, in turn.
+    /// Mask of the main object, row by row, as lengths of runs of pixels off and on it in turn.
     pub mask: Vec<usize>,
-    /// What varied.
+    /// Variables of the run that rendered the basis.
     pub variables: Vec<StoredVariable>,
 }
 
-/// A variable by name.
+/// A variable as it is stored, by its name.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredVariable {
     /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
     pub name: String,
-    /// Least value.
+    /// Lower bound of the value.
     pub lower: f64,
-    /// Largest value.
+    /// Upper bound of the value.
     pub upper: f64,
-    /// Value at the start.
+    /// Value at the neutral start.
     pub initial: f64,
     /// Map from the optimiser's unit interval.
     pub scale: Scale,
 }
 
 impl About {
-    /// About the basis of a scene.
+    /// Description of a scene, the lighting of what does not vary, and the variables.
     #[must_use]
     pub fn new(
         scene: &Scene,
@@ -87,7 +87,7 @@ impl About {
         }
     }
 
-    /// Whether it fits the basis that it came with.
+    /// Whether the description fits the basis with which it was stored.
     #[must_use]
     pub fn fits(&self, basis: &TransportBasis) -> bool {
         let layout = basis.layout();
@@ -97,13 +97,13 @@ impl About {
             && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
     }
 
-    /// The pixels of the main object.
+    /// Mask of the main object, row by row from the top.
     #[must_use]
     pub fn mask(&self) -> Vec<bool> {
         self.mask.iter().enumerate().flat_map(|(i, &n)| std::iter::repeat_n(i % 2 == 1, n)).collect()
     }
 
-    /// The variables.
+    /// Variables of the run that rendered the basis; their units are not stored.
     #[must_use]
     pub fn variables(&self) -> ParamVector {
         let variables = self.variables.iter().filter_map(|v| {
@@ -114,7 +114,7 @@ impl About {
         ParamVector { variables: variables.collect() }
     }
 
-    /// The lighting of what is not set otherwise, at the start of the variables.
+    /// Lighting at the neutral start of the variables.
     #[must_use]
     pub fn lighting(&self) -> Lighting {
         let variables = self.variables();
@@ -122,7 +122,7 @@ impl About {
         variables.lighting(self.fixed.clone(), &initial)
     }
 
-    /// The objective of a target for its pictures.
+    /// Objective of a target for the pictures of the basis.
     ///
     /// # Errors
     /// As [`Objective::new`].

@@ -1,4 +1,4 @@
-//! `classify`: which signature a picture is nearest to.
+//! `classify`: the signatures that pictures are nearest to.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::print;
+use super::output::print;
 use crate::objective::LuminanceMode;
 use crate::objective::histogram::{Cumulated, f_hist};
 use crate::objective::signature::library::{LONGEST_SIDE, Library};
@@ -42,14 +42,16 @@ pub struct ClassifyArgs {
     pub json: bool,
 }
 
-/// What a picture is like.
+/// Distances of a picture to all signatures.
 struct Verdict<'a> {
+    /// Path of the picture.
     image: &'a Path,
-    /// Name and distance of every signature, nearest first.
+    /// Name and distance of each signature, nearest first.
     distances: Vec<(&'a str, f64)>,
 }
 
 impl Verdict<'_> {
+    /// Distance of the second signature minus that of the first; `None` with a single one.
     fn margin(&self) -> Option<f64> {
         Some(self.distances.get(1)?.1 - self.distances[0].1)
     }
@@ -77,7 +79,7 @@ pub fn classify(args: &ClassifyArgs) -> anyhow::Result<()> {
     }
 }
 
-/// The signatures asked for, with the longest side of the pictures they are of.
+/// Signatures asked for, with the longest side of the pictures from which they were learned, pixels.
 fn signatures(path: Option<&Path>) -> anyhow::Result<(Vec<Signature>, usize)> {
     Ok(match path {
         None => (BUILTIN.into_iter().filter_map(Signature::builtin).collect(), LONGEST_SIDE as usize),

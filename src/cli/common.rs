@@ -1,44 +1,41 @@
 //! Options that several subcommands share.
 
-use std::path::Path;
+use std::{io::Write as _, path::Path};
 
 use anyhow::{Context, bail};
 use clap::{
-    Args,
+    Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, ValueEnum,
     builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
 };
 use glam::UVec2;
 
-use super::LuminanceArg;
+use super::choices::{SAMPLERS, one_of};
 use crate::{
     audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
     import::{self, Loaded},
     integrator::{Integrator, IntegratorKind},
-    lighting::Lighting,
+    lighting::{Lighting, MAX_EXPOSURE},
+    math::display::LuminanceMode,
     sampler::SamplerKind,
     scene::Scene,
     variables::{KINDS, VariableKind},
 };
 
-/// How light is simulated.
+/// Options of light transport.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Light transport")]
 pub struct TransportArgs {
-    /// Bidirectional path tracing (the default): best for glossy scenes and small lights
-    #[arg(long, conflicts_with = "path")]
-    pub bdpt: bool,
-
-    /// Unidirectional path tracing: best for diffuse scenes with large lights
-    #[arg(long)]
-    pub path: bool,
+    /// Which integrator.
+    #[command(flatten)]
+    pub kind: IntegratorFlags,
 
     /// Edges of the longest light path after the camera; 1 shows the lights only
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=32))]
     pub max_depth: u8,
 
     /// Sequence of sample points
-    #[arg(long, value_parser = sampler_kinds(), default_value = "sobol")]
+    #[arg(long, value_parser = one_of(&SAMPLERS), default_value = "sobol")]
     pub sampler: SamplerKind,
 
     /// Seed of all randomness: the same seed gives the same bytes
@@ -50,15 +47,59 @@ pub struct TransportArgs {
     pub threads: Option<u16>,
 }
 
+/// A flag for each integrator, of which one at most may be given.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct IntegratorFlags(pub IntegratorKind);
+
+impl Args for IntegratorFlags {
+    fn augment_args(command: Command) -> Command {
+        let others = |kind| IntegratorKind::ALL.into_iter().filter(move |&other| other != kind);
+        let flag = |kind: IntegratorKind| {
+            let arg = Arg::new(kind.name()).long(kind.name()).help(kind.help()).action(ArgAction::SetTrue);
+            arg.conflicts_with_all(others(kind).map(IntegratorKind::name))
+        };
+        command.args(IntegratorKind::ALL.map(flag))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for IntegratorFlags {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let given = IntegratorKind::ALL.into_iter().find(|kind| matches.get_flag(kind.name()));
+        Ok(Self(given.unwrap_or_default()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// Sizes of pictures, and whether earlier ones are replaced. The help is that of `run`; `figures` has its
+/// own words.
+#[derive(Clone, Debug, Args)]
+pub struct PictureArgs {
+    /// Replace an earlier run in that directory; files of others stay
+    #[arg(long)]
+    pub force: bool,
+
+    /// Size of the final picture, pixels [default: the sidecar's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<UVec2>,
+
+    /// Size of the pictures that are optimised, pixels [default: 128 wide]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub work_size: Option<UVec2>,
+}
+
 impl TransportArgs {
     /// The integrator asked for.
     #[must_use]
     pub fn integrator(&self) -> Integrator {
-        Integrator {
-            kind: if self.path { IntegratorKind::Path } else { IntegratorKind::Bdpt },
-            max_depth: usize::from(self.max_depth),
-            ..Integrator::default()
-        }
+        Integrator { kind: self.kind.0, max_depth: usize::from(self.max_depth), ..Integrator::default() }
     }
 
     /// Runs `f` on the threads asked for.
@@ -70,7 +111,12 @@ impl TransportArgs {
     }
 }
 
-/// Runs `f` on that many threads, by default one for each processor.
+/// Most threads for each processor: rows of pixels are the unit of work, and more threads than some
+/// a processor only wait for one another and take memory.
+const MAX_THREADS_PER_PROCESSOR: usize = 32;
+
+/// Runs `f` on that many threads, by default one for each processor; too many are cut to what makes
+/// sense, and that is said.
 ///
 /// # Errors
 /// Those of `f`, or when threads cannot be made.
@@ -78,11 +124,50 @@ pub fn in_pool<T: Send>(
     threads: Option<u16>,
     f: impl FnOnce() -> anyhow::Result<T> + Send,
 ) -> anyhow::Result<T> {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let (wanted, most) = (threads.map_or(0, usize::from), MAX_THREADS_PER_PROCESSOR * processors);
+    if wanted > most {
+        let _ = writeln!(
+            std::io::stderr(),
+            "--threads {wanted}: using {most}, {MAX_THREADS_PER_PROCESSOR} a processor"
+        );
+    }
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.map_or(0, usize::from))
+        .num_threads(wanted.min(most))
         .build()
         .context("cannot start threads")?;
     pool.install(f)
+}
+
+/// [`LuminanceMode`] as an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LuminanceArg {
+    /// sRGB-encoded, as a display shows it: what the published values refer to
+    Srgb,
+    /// Linear radiance, clamped to [0, 1]
+    Linear,
+}
+
+impl From<LuminanceArg> for LuminanceMode {
+    fn from(arg: LuminanceArg) -> Self {
+        match arg {
+            LuminanceArg::Srgb => Self::Srgb,
+            LuminanceArg::Linear => Self::Linear,
+        }
+    }
+}
+
+/// Parses an exposure: a finite number above 0.
+///
+/// # Errors
+/// With what is allowed.
+pub fn parse_exposure(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => {
+            Ok(value)
+        }
+        _ => Err(format!("must be a number above 0, from {:e} to {MAX_EXPOSURE:e}", 1.0 / MAX_EXPOSURE)),
+    }
 }
 
 /// Parses `WxH`.
@@ -150,18 +235,9 @@ pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
     parser.try_map(|word| VariableKind::named(&word).ok_or("no such kind of variable"))
 }
 
-/// Parses a family of sequences.
-fn sampler_kinds() -> impl TypedValueParser<Value = SamplerKind> {
-    let parser = PossibleValuesParser::new([
-        PossibleValue::new("sobol").help("Owen-scrambled Sobol, the default"),
-        PossibleValue::new("halton").help("Owen-scrambled Halton (the paper's choice)"),
-    ]);
-    parser.map(|word| if word == "halton" { SamplerKind::Halton } else { SamplerKind::Sobol })
-}
-
 /// The measure of luminance asked for.
 #[must_use]
-pub fn luminance_mode(arg: Option<LuminanceArg>) -> crate::objective::LuminanceMode {
+pub fn luminance_mode(arg: Option<LuminanceArg>) -> LuminanceMode {
     arg.map(Into::into).unwrap_or_default()
 }
 
@@ -174,6 +250,14 @@ mod tests {
         assert_eq!(parse_size("64x48"), Ok(UVec2::new(64, 48)));
         for bad in ["64", "0x4", "4x", "-1x4", "65536x65536", "axb"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn exposures_are_positive_numbers() {
+        assert_eq!(parse_exposure("0.5"), Ok(0.5));
+        for bad in ["0", "-1", "nan", "inf", "x", "", "1e40", "1e-40"] {
+            assert!(parse_exposure(bad).is_err(), "{bad}");
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::film::exr::{ExrImage, read_exr};
 use crate::film::image_file::{
     LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
 };
-use crate::objective::{Evaluation, LuminanceMode, Objective, Target, Term};
+use crate::objective::{Evaluation, Goal, LuminanceMode, Objective, Target};
 use crate::photo::Look;
 
 /// Measure a picture against a target and print f_q with its six terms
@@ -205,19 +205,22 @@ fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
             LuminanceMode::Linear => "linear",
         },
     );
-    let signature = subject.target.signature().name();
-    let wide = signature.chars().count().max(8);
+    let wanted: Vec<String> = subject
+        .target
+        .goals()
+        .map(|(_, goal)| match goal {
+            Goal::Value(value) => format!("{value:.6}"),
+            Goal::Signature(signature) => signature.name().to_owned(),
+        })
+        .collect();
+    let wide = wanted.iter().map(|w| w.chars().count()).fold(8, usize::max);
     // Writing to a String does not fail.
     let _ = writeln!(
         text,
         "{:<9} {:>8}  {:>wide$}  {:>8}  {:>6}  {:>10}",
         "term", "value", "target", "f", "weight", "weight * f"
     );
-    for t in &evaluation.terms {
-        let target = match t.term {
-            Term::Hist => signature.to_owned(),
-            _ => format!("{:.6}", t.target),
-        };
+    for (t, target) in evaluation.terms().zip(&wanted) {
         let _ = writeln!(
             text,
             "{:<9} {:>8.6}  {target:>wide$}  {:>8.6}  {:>6.3}  {:>10.6}",

@@ -2,21 +2,21 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{
+    Args,
+    builder::{PossibleValue, PossibleValuesParser, TypedValueParser},
+};
 use glam::UVec2;
 
 use super::{
     common::{lighting, load_scene, parse_size},
     progress::Console,
 };
-use crate::{design::Reporter, export::mitsuba, integrator::View};
-
-/// Renderers that scenes can be exported to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Mitsuba 3: scene.xml, meshes and textures; render with `mitsuba -m llvm_ad_rgb`
-    Mitsuba,
-}
+use crate::{
+    design::Reporter,
+    export::{self, EXPORTERS, ExportJob, Exporter},
+    integrator::View,
+};
 
 /// Write a scene, as it is lit, for another renderer
 ///
@@ -31,12 +31,12 @@ pub struct ExportArgs {
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
-    /// Renderer to export to
-    #[arg(long, value_enum)]
-    pub format: Format,
+    /// Format to write
+    #[arg(long, value_parser = formats())]
+    pub format: &'static dyn Exporter,
 
-    /// Directory to write to; made if it is not there
-    #[arg(short, long, value_name = "DIR")]
+    /// Directory (made if it is not there) or file to write, as the format needs
+    #[arg(short, long, value_name = "OUT")]
     pub output: PathBuf,
 
     /// Lighting to use, as `run` writes it
@@ -62,13 +62,21 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let lighting = lighting(&scene, args.lights.as_deref(), None)?;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };
-    let warnings = match args.format {
-        Format::Mitsuba => mitsuba::write(view, &lighting, usize::from(args.max_depth), &args.output)?,
-    };
+    let job = ExportJob { view, lighting: &lighting, max_depth: usize::from(args.max_depth) };
+    let exported = args.format.write(&job, &args.output)?;
     console.finish();
-    for warning in warnings {
-        console.note(&warning);
+    for warning in &exported.warnings {
+        console.note(warning);
     }
-    console.note(&format!("wrote {}", args.output.join("scene.xml").display()));
+    let (n, open) = (exported.files.len(), args.format.entry_point(&args.output));
+    console.note(&format!("wrote {n} file{}; open {}", if n == 1 { "" } else { "s" }, open.display()));
     Ok(())
+}
+
+/// Parses the name of a format; the help lists all with what they write.
+fn formats() -> impl TypedValueParser<Value = &'static dyn Exporter> {
+    let value =
+        |e: &dyn Exporter| PossibleValue::new(e.name()).help(format!("{}; writes {}", e.help(), e.files()));
+    PossibleValuesParser::new(EXPORTERS.map(value))
+        .try_map(|name| export::by_name(&name).ok_or("no such format"))
 }

@@ -15,7 +15,7 @@ use crate::objective::signature::library::{
     Class, LONGEST_SIDE, Library, Method, PhotoRecord, is_class_name,
 };
 use crate::objective::signature::{Shape, Signature};
-use crate::objective::target::PUBLISHED_WEIGHTS;
+use crate::objective::target::DEFAULT_WEIGHTS;
 use crate::objective::{LuminanceMode, Target};
 use crate::photo::folder::{Listing, list, masks, sha256};
 use crate::photo::learn::{Learned, Measured, confusion, learn};
@@ -202,10 +202,10 @@ fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> Result<Measu
     let photo = Photo::read(path, mask)?.reduced(longest);
     if mask.is_none() {
         // An EXR may bring a mask of its own; whole looks need one of every photograph.
-        return Ok(Measured { cumulated: photo.cumulated(LuminanceMode::Srgb), scalars: None });
+        return Ok(Measured { cumulated: photo.cumulated(LuminanceMode::Srgb), values: None });
     }
     let z = photo.measure(LuminanceMode::Srgb)?;
-    Ok(Measured { scalars: Some(z.scalars()), cumulated: z.cumulated })
+    Ok(Measured { cumulated: z.cumulated(), values: Some(z.values()) })
 }
 
 fn outcome(
@@ -223,14 +223,14 @@ fn outcome(
         cumulated: learned.signature.to_vec(),
         photos,
     };
-    let target = match learned.scalars {
+    let target = match learned.values {
         None => None,
         Some(values) => {
             let path = target_path(&args.output, &class.name);
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let signature = Signature::new(&class.name, Shape::Cumulated(class.cumulated.clone()))
                 .with_context(|| format!("class `{}`", class.name))?;
-            Some((path, Target::new(name, values, PUBLISHED_WEIGHTS, signature)))
+            Some((path, Target::new(name, &values, DEFAULT_WEIGHTS, signature)))
         }
     };
     Ok(Outcome { class, learned, target })

@@ -1,24 +1,26 @@
 //! The command line: one file a subcommand.
 
+mod choices;
 pub mod classify;
 mod common;
 pub mod evaluate;
 pub mod export;
 pub mod figures;
 pub mod learn;
+mod output;
 mod progress;
 pub mod relight;
 pub mod render;
 pub mod run;
 pub mod scan;
+mod signals;
 pub mod stage;
 
-use std::io::{self, Write};
+use clap::{Parser, Subcommand};
 
-use anyhow::Context;
-use clap::{Parser, Subcommand, ValueEnum};
-
-use crate::objective::LuminanceMode;
+use common::{LuminanceArg, parse_exposure};
+use output::print;
+pub use signals::{exit_code, received as interrupted};
 
 /// Automatic, aesthetics-driven lighting design with global illumination.
 #[derive(Debug, Parser)]
@@ -61,41 +63,6 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
     }
 }
 
-/// [`LuminanceMode`] as an option.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LuminanceArg {
-    /// sRGB-encoded, as a display shows it: what the published values refer to
-    Srgb,
-    /// Linear radiance, clamped to [0, 1]
-    Linear,
-}
-
-impl From<LuminanceArg> for LuminanceMode {
-    fn from(arg: LuminanceArg) -> Self {
-        match arg {
-            LuminanceArg::Srgb => Self::Srgb,
-            LuminanceArg::Linear => Self::Linear,
-        }
-    }
-}
-
-/// Parses an exposure: a finite number above 0.
-fn parse_exposure(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("must be a number above 0".to_owned()),
-    }
-}
-
-/// Writes `text` to standard output; a reader that has gone away (as `head`) is no error.
-fn print(text: &str) -> anyhow::Result<()> {
-    let mut out = io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.context("cannot write to standard output"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -104,13 +71,5 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn exposures_are_positive_numbers() {
-        assert_eq!(parse_exposure("0.5"), Ok(0.5));
-        for bad in ["0", "-1", "nan", "inf", "x", ""] {
-            assert!(parse_exposure(bad).is_err(), "{bad}");
-        }
     }
 }

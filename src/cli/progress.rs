@@ -1,53 +1,43 @@
-//! Progress of long work: bars on a terminal, plain lines elsewhere; always on
-//! standard error, so that standard output stays clean for `--json`.
+//! Progress of long work: bars on a terminal, plain lines elsewhere; always on standard error, so that
+//! standard output holds nothing but results.
 
 use std::{
     io::{IsTerminal, Write},
     sync::{
         Mutex,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        atomic::{AtomicU64, Ordering},
     },
     time::{Duration, Instant},
 };
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::signals;
 use crate::{
     design::{Progress, Reporter},
     integrator::Observer,
 };
 
-/// Set by the first Ctrl-C.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-
-/// Makes Ctrl-C end the work in order, as `what` says; the second one ends the program.
-///
-/// # Errors
-/// When the handler cannot be installed.
-pub fn catch_interrupts(what: &'static str) -> Result<(), ctrlc::Error> {
-    ctrlc::set_handler(move || {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-        let _ = writeln!(std::io::stderr(), "\ninterrupted: {what} (again to quit at once)");
-    })
-}
-
-/// Shows progress.
+/// An observer that shows progress on standard error.
 pub struct Console {
+    /// Whether standard error is a terminal.
     is_terminal: bool,
-    /// The bar of the present stage, on a terminal.
+    /// Bar of the present stage, on a terminal.
     bar: Mutex<Option<ProgressBar>>,
+    /// Present stage.
     stage: Mutex<Stage>,
+    /// Number of rows of pixels done in the present stage.
     rows: AtomicU64,
 }
 
+/// A stage of the work.
 struct Stage {
     name: String,
+    /// Number of rows of pixels to be done, if known.
     total: Option<u64>,
     start: Instant,
-    /// Tenths already told on plain output.
-    told: u64,
+    /// Number of tenths that were written as lines.
+    reported: u64,
 }
 
 impl Default for Console {
@@ -57,10 +47,10 @@ impl Default for Console {
 }
 
 impl Console {
-    /// Bars when standard error is a terminal.
+    /// A console with bars if standard error is a terminal, else with lines.
     #[must_use]
     pub fn new() -> Self {
-        let stage = Stage { name: String::new(), total: None, start: Instant::now(), told: 0 };
+        let stage = Stage { name: String::new(), total: None, start: Instant::now(), reported: 0 };
         Self {
             is_terminal: std::io::stderr().is_terminal(),
             bar: Mutex::new(None),
@@ -69,7 +59,7 @@ impl Console {
         }
     }
 
-    /// Removes the bar.
+    /// Removes the bar of the present stage.
     pub fn finish(&self) {
         self.replace_bar(None);
     }
@@ -110,8 +100,8 @@ impl Observer for Console {
         let Some(total) = stage.total.filter(|&t| t > 0) else { return };
         let tenths = 10 * done / total;
         // Short stages are not worth a line a tenth.
-        if tenths > stage.told && tenths < 10 && stage.start.elapsed() > Duration::from_secs(5) {
-            stage.told = tenths;
+        if tenths > stage.reported && tenths < 10 && stage.start.elapsed() > Duration::from_secs(5) {
+            stage.reported = tenths;
             let left = stage.start.elapsed().as_secs_f64() * (total as f64 / done as f64 - 1.0);
             let text = format!("{}: {} %, {left:.0} s left", stage.name, 10 * tenths);
             drop(stage);
@@ -120,7 +110,7 @@ impl Observer for Console {
     }
 
     fn cancelled(&self) -> bool {
-        INTERRUPTED.load(Ordering::Relaxed)
+        signals::received()
     }
 }
 
@@ -132,7 +122,7 @@ impl Reporter for Console {
     fn stage(&self, name: &str, rows: Option<u64>) {
         self.rows.store(0, Ordering::Relaxed);
         if let Ok(mut stage) = self.stage.lock() {
-            *stage = Stage { name: name.to_owned(), total: rows, start: Instant::now(), told: 0 };
+            *stage = Stage { name: name.to_owned(), total: rows, start: Instant::now(), reported: 0 };
         }
         if !self.is_terminal {
             self.line(name);

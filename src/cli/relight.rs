@@ -1,4 +1,4 @@
-//! `relight`: any lighting from a stored transport basis.
+//! `relight`: pictures of any lighting from a stored transport basis.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use anyhow::bail;
 use clap::Args;
 use serde_json::json;
 
-use super::{LuminanceArg, print};
+use super::{common::LuminanceArg, output::print};
 use crate::{
     audit::{lights::LightsFile, picture, stored::About},
     film::{exr::write_exr, image_file::write_png},
@@ -40,10 +40,10 @@ pub struct RelightArgs {
     pub luminance: Option<LuminanceArg>,
 }
 
-/// Reads a basis with what it says about itself.
+/// Reads a basis with the description of its scene.
 ///
 /// # Errors
-/// When it is no basis.
+/// When the file is no basis, or does not describe its scene.
 pub(super) fn load(path: &Path) -> anyhow::Result<(TransportBasis, About)> {
     let (basis, about) = TransportBasis::load(path)?;
     let about: Option<About> = serde_json::from_value(about).ok();

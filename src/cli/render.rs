@@ -1,4 +1,4 @@
-//! `render`: a scene as it is lit.
+//! `render`: the picture of a scene with given lights.
 
 use std::path::PathBuf;
 
@@ -8,9 +8,9 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    common::{TransportArgs, lighting, load_scene, parse_size, parse_spp},
-    parse_exposure,
-    progress::{Console, catch_interrupts},
+    common::{TransportArgs, lighting, load_scene, parse_exposure, parse_size, parse_spp},
+    progress::Console,
+    signals,
 };
 use crate::{
     audit::picture,
@@ -85,7 +85,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     }
     probe(&output)?;
     let console = Console::new();
-    catch_interrupts("stopping")?;
+    signals::catch("stopping")?;
     let result = args.transport.in_pool(|| {
         let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
         let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;

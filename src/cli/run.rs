@@ -1,4 +1,4 @@
-//! `run`: finds the lights.
+//! `run`: finds the lights that give a scene a look.
 
 use std::{
     fmt::Write as _,
@@ -12,16 +12,19 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    LuminanceArg,
-    common::{TransportArgs, free_kinds, lighting, load_scene, luminance_mode, parse_size, parse_spp},
-    parse_exposure, print,
-    progress::{Console, catch_interrupts},
+    choices::{GRADIENTS, one_of},
+    common::{
+        LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
+        parse_exposure, parse_spp,
+    },
+    output::print,
+    progress::Console,
+    signals,
 };
 use crate::{
     audit::{STAGING, write_whole},
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
     import::{self, Loaded},
-    objective::Term,
     photo::Look,
     variables::{FreeKinds, VariableKind},
 };
@@ -48,8 +51,9 @@ use crate::{
     lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
     per iteration, run.toml with all options, and logs of every evaluation.\n\
-    Ctrl-C ends the optimisation and renders the best lights so far; twice quits.\n\
-    Exit status: 0 done, 1 failed, 2 wrong usage.")]
+    Ctrl-C, SIGTERM or SIGHUP ends the run within seconds and keeps what is found: lights.toml, the\n\
+    record, and the final picture as far as it is; twice quits at once.\n\
+    Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
@@ -74,17 +78,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
-    /// Replace an earlier run in that directory; files of others stay
-    #[arg(long)]
-    pub force: bool,
-
-    /// Size of the final picture, pixels [default: the sidecar's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<UVec2>,
-
-    /// Size of the pictures that are optimised, pixels [default: 128 wide]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub work_size: Option<UVec2>,
+    /// Sizes of the pictures.
+    #[command(flatten)]
+    pub pictures: PictureArgs,
 
     /// Samples per pixel of the first transport basis, which tells where to look [default: 8]; of
     /// every working picture with --gradient fd [default: what --tolerance needs]
@@ -100,7 +96,7 @@ pub struct RunArgs {
     pub free: Option<Vec<VariableKind>>,
 
     /// How gradients are found
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, value_parser = one_of(&GRADIENTS), default_value = "basis")]
     pub gradient: Gradient,
 
     /// Also search the whole box of the variables on the transport basis, without starts or
@@ -114,7 +110,8 @@ pub struct RunArgs {
     #[arg(long, value_name = "F_Q", default_value_t = 0.005, value_parser = parse_tolerance)]
     pub tolerance: f64,
 
-    /// Seconds after which no more samples are added for targets that are found together
+    /// Seconds that the run may take once the scene is loaded, search, checks and pictures together; one
+    /// pass of each is made in any case, and what the result then lacks is said
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub time_limit: Option<Duration>,
 
@@ -148,7 +145,7 @@ pub struct RunArgs {
     pub transport: TransportArgs,
 }
 
-/// Parses a tolerance.
+/// Parses a tolerance of f_q.
 fn parse_tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(t) if t > 0.0 && t <= 1.0 => Ok(t),
@@ -156,7 +153,7 @@ fn parse_tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Parses a time.
+/// Parses a time in seconds.
 fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0);
     seconds
@@ -179,7 +176,8 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
 }
 
-/// Width of the working pictures by default.
+/// Width of the working pictures by default, pixels: the noise and the cost of a search are those of this
+/// size, while the gradient term of f_q depends on it.
 const WORK_WIDTH: u32 = 128;
 
 /// Runs the subcommand.
@@ -191,16 +189,16 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
     let wanted = wanted(args, &stem)?;
     for (_, out) in &wanted {
-        crate::audit::RunDir::check(out, args.force)?;
+        crate::audit::RunDir::check(out, args.pictures.force)?;
     }
     let scene_path = import::find(&args.scene)?;
     let console = Console::new();
-    catch_interrupts("finishing with the best so far")?;
+    signals::catch("keeping what is found so far")?;
     let done = args.transport.in_pool(|| {
-        let Loaded { scene, wishes, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        let Loaded { scene, constraints, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
         let authored = lighting(&scene, None, args.exposure)?;
-        let size = args.size.unwrap_or_else(|| scene.camera.size());
-        let work_size = args.work_size.unwrap_or_else(|| {
+        let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
+        let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
             UVec2::new(WORK_WIDTH, height).min(size)
         });
@@ -225,12 +223,13 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             work_size,
             spp: args.spp,
             final_spp: args.final_spp,
-            free: args.free.clone().map_or_else(|| wishes.free.clone(), FreeKinds),
+            free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
-            force: args.force,
+            force: args.pictures.force,
         };
-        let subject = Subject { scene: &scene, path: &scene_path, authored: &authored, wishes: &wishes };
+        let subject =
+            Subject { scene: &scene, path: &scene_path, authored: &authored, constraints: &constraints };
         let reports = design::run(subject, &options, &console)?;
         if let Some(sidecar) = &staging {
             for job in &jobs {
@@ -251,7 +250,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     }
 }
 
-/// The looks asked for, and where they are recorded.
+/// Looks asked for, each with its run directory.
 fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     let Some(names) = &args.targets else {
         let look = Look::resolve(&args.target, args.target_mask.as_deref())?;
@@ -272,10 +271,10 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
     Ok(wanted)
 }
 
-/// What of each term the lights reach, the lights found among them.
+/// Range of each term within reach of the lights, including the lights found.
 pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     let with_found = |reach: &Reach| {
-        let found = r.check.evaluation.get(reach.term);
+        let found = r.check.evaluation[reach.term];
         Reach {
             floor: reach.floor.min(found.f),
             least: reach.least.min(found.value),
@@ -286,13 +285,14 @@ pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
     r.reach.iter().map(with_found).collect()
 }
 
+/// Report of a look as a JSON object.
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     json!({
         "target": job.target.name(),
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
         "f_q_error": r.check.error_bar(),
-        "f_q_final": r.last.f_q,
+        "f_q_final": r.last.as_ref().map(|last| last.f_q),
         "terms": r.check.evaluation.terms_json(),
         "x": r.variables.named(&r.x),
         "renders": r.renders,
@@ -305,17 +305,21 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
     })
 }
 
+/// Report of a look as text.
 fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     // Writing to a String does not fail.
     let mut text = String::new();
     let _ = writeln!(text, "target {}", target.name());
     let _ = writeln!(
         text,
-        "f_q {:.4} at the start, {:.4} ± {:.4} found; {:.4} in the final picture",
+        "f_q {:.4} at the start, {:.4} ± {:.4} found; {}",
         r.initial.evaluation.f_q,
         r.check.evaluation.f_q,
         r.check.error_bar(),
-        r.last.f_q
+        r.last.as_ref().map_or_else(
+            || "no final picture".to_owned(),
+            |last| format!("{:.4} in the final picture", last.f_q)
+        )
     );
     let _ = writeln!(
         text,
@@ -323,8 +327,8 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         r.evaluations, r.renders, r.seconds, r.stop
     );
     let _ = writeln!(text, "{:<9} {:>8} {:>8} {:>8} {:>8}", "term", "start", "found", "target", "weight");
-    for (a, b) in r.initial.evaluation.terms.iter().zip(&r.check.evaluation.terms) {
-        let wanted = if b.term == Term::Hist { "0".to_owned() } else { format!("{:.3}", b.target) };
+    for (a, b) in r.initial.evaluation.terms().zip(r.check.evaluation.terms()) {
+        let wanted = if b.term.is_distance() { "0".to_owned() } else { format!("{:.3}", b.target) };
         let _ = writeln!(
             text,
             "{:<9} {:>8.3} {:>8.3} {wanted:>8} {:>8.2}",
@@ -345,6 +349,7 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
     }
-    let _ = writeln!(text, "\n{}", out.join("final.png").display());
+    let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
+    let _ = writeln!(text, "\n{}", out.join(file).display());
     text
 }

@@ -1,6 +1,6 @@
 //! `scan`: f_q along a variable of a stored transport basis.
 
-use std::{fmt::Write as _, path::PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use clap::Args;
@@ -10,7 +10,7 @@ use super::relight;
 use crate::{
     audit::{lights::LightsFile, write_whole},
     design::evaluator::Evaluator,
-    files::nearest,
+    files::{csv_file, nearest},
     objective::{JackknifeEstimate, LABELLINGS, Term},
     photo::Look,
     variables::ParamVector,
@@ -94,7 +94,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         rows.push((variable.decode(u), evaluator.estimate(&[u], LABELLINGS)?));
     }
     let here = *variable.kind.value(&mut fixed, variable.light);
-    write_whole(&args.output, table(&args.variable, &rows))?;
+    write_whole(&args.output, table(&args.variable, &rows)?)?;
     let plot_path = args.output.with_extension("png");
     write_whole(&plot_path, plot(&args.variable, target.name(), here, &rows)?)?;
     let Some((x, best)) = rows.iter().min_by(|a, b| a.1.evaluation.f_q.total_cmp(&b.1.evaluation.f_q)) else {
@@ -110,21 +110,20 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     ))
 }
 
-fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> String {
-    // Writing to a String does not fail.
-    let mut text = format!("{name},f_q,f_q_error");
-    for term in Term::ALL {
-        let _ = write!(text, ",{0},f_{0}", term.name());
-    }
-    text.push('\n');
-    for (x, e) in rows {
-        let _ = write!(text, "{x},{},{}", e.evaluation.f_q, e.error_bar());
-        for t in &e.evaluation.terms {
-            let _ = write!(text, ",{},{}", t.value, t.f);
-        }
-        text.push('\n');
-    }
-    text
+/// The CSV: a header, then a line for each value of the variable.
+fn table(name: &str, rows: &[(f64, JackknifeEstimate)]) -> Result<Vec<u8>, csv::Error> {
+    let mut header = vec![name.to_owned(), "f_q".to_owned(), "f_q_error".to_owned()];
+    header.extend(listed(rows).flat_map(|t| [t.name().to_owned(), format!("f_{}", t.name())]));
+    let line = |(x, e): &(f64, JackknifeEstimate)| -> Vec<String> {
+        let terms = e.evaluation.terms().flat_map(|t| [t.value, t.f]);
+        [*x, e.evaluation.f_q, e.error_bar()].into_iter().chain(terms).map(|v| v.to_string()).collect()
+    };
+    csv_file::encode(std::iter::once(header).chain(rows.iter().map(line)))
+}
+
+/// The terms that were measured.
+fn listed(rows: &[(f64, JackknifeEstimate)]) -> impl Iterator<Item = Term> {
+    rows.iter().take(1).flat_map(|(_, e)| e.evaluation.terms()).map(|t| t.term)
 }
 
 /// Size of the plot, pixels.
@@ -153,9 +152,9 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
             .map(|(x, e)| (*x, e.evaluation.f_q + e.error_bar()))
             .chain(rows.iter().rev().map(|(x, e)| (*x, (e.evaluation.f_q - e.error_bar()).max(0.0))));
         chart.draw_series(std::iter::once(Polygon::new(band.collect::<Vec<_>>(), BLACK.mix(0.15))))?;
-        for (k, term) in Term::ALL.into_iter().enumerate() {
+        for (k, term) in listed(rows).enumerate() {
             let color = Palette99::pick(k).to_rgba();
-            let line = rows.iter().map(|(x, e)| (*x, e.evaluation.get(term).contribution()));
+            let line = rows.iter().map(|(x, e)| (*x, e.evaluation[term].contribution()));
             chart
                 .draw_series(LineSeries::new(line, color.stroke_width(2)))?
                 .label(term.name())
@@ -181,4 +180,19 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
     let image = image::RgbImage::from_raw(PLOT.0, PLOT.1, pixels).context("cannot draw the plot")?;
     image.write_to(&mut png, image::ImageFormat::Png)?;
     Ok(png.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_variable_named_with_commas_and_quotes_is_one_column() {
+        let name = "key, \"left\".size";
+        let text = table(name, &[]).unwrap();
+        let mut reader = csv::Reader::from_reader(text.as_slice());
+        let header = reader.headers().unwrap();
+        assert_eq!(header.len(), 3 + 2 * Term::ALL.len());
+        assert_eq!([&header[0], &header[1]], [name, "f_q"]);
+    }
 }

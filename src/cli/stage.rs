@@ -79,6 +79,7 @@ impl From<UpAxisArg> for UpAxis {
     }
 }
 
+/// Parses an angle, degrees.
 fn parse_degrees(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if v.abs() <= 360.0 => Ok(v),

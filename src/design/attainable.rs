@@ -1,4 +1,4 @@
-//! What the lights of a scene can reach of a target, in words.
+//! Range of each term within reach of a scene's lights, and what to say of it.
 
 use std::ops::ControlFlow;
 
@@ -16,25 +16,38 @@ use crate::{
     variables::ParamVector,
 };
 
-/// Points of the box at which every term is measured.
+/// Points of the box at which all terms are measured: more see more of the range, each for an estimate on
+/// the reduced picture. 256 and then 128 were used before, and given up for time.
 const N_POINTS: u32 = 64;
-/// Evaluations of the descent of a term alone.
+/// Evaluations of the descent of a term alone: more find lower ends. 30 and then 20 were used before, and
+/// given up for time; the lights found are counted in, since so short a descent may miss them.
 const EVALUATIONS: u32 = 12;
-/// Largest component of the first trial step of that descent, as in those of f_q: without a limit a
-/// steep term jumps to the corner of the box and its few evaluations are spent on the way back.
+/// Largest component of the first trial step of that descent, as in those of f_q: without a limit a steep
+/// term jumps to a corner of the box and its few evaluations are spent on the way back.
 const FIRST_STEP: f64 = 0.1;
-/// A term that cannot come below this is worth a word.
+/// Smoothing of that descent, as in the last stage of those of f_q on the reduced picture.
+const DELTA: f64 = 5e-3;
+/// Share of its target below which the object's mean luminance is called almost black. Set by reasoning, as
+/// the next two.
+const DARK: f64 = 0.4;
+/// Target of the object's mean luminance above which a dark object is not what was meant.
+const BRIGHT_TARGET: f64 = 0.1;
+/// f of the histogram up to which it is called met.
+const MET: f64 = 0.3;
+/// Least f of a term by itself above which the user is told: less is within the error of most estimates.
+/// Set by reasoning.
 const NOTABLE: f64 = 0.02;
 
-/// What of a term the lights can reach.
+/// Range of a term within reach of the lights.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Reach {
     /// The term.
     #[serde(skip)]
     pub term: Term,
-    /// What is wanted of its measured value.
+    /// Target of the term's measured value.
     pub target: f64,
-    /// Least f of the term alone, whatever becomes of the others.
+    /// Least f of the term that was found, whatever the other terms; 0 if the measured value can meet its
+    /// target.
     pub floor: f64,
     /// Least measured value found.
     pub least: f64,
@@ -42,11 +55,12 @@ pub struct Reach {
     pub largest: f64,
 }
 
-/// Looks over the box for the least value of every term by itself: on the `reduced`
-/// problem at the points of a low-discrepancy set, and down from the best of them.
-/// What was best there, and `found`, are then measured on the whole picture, where the
-/// histogram descends once more. A measured value that can lie on both sides of its
-/// target can also meet it, since it is continuous over the box.
+/// Range of each term over the box of the variables.
+///
+/// All terms are measured on the `reduced` picture at the points of a low-discrepancy set, and each
+/// descends by itself from its best point. The best points, and the lights `found`, are then measured on
+/// the whole picture, where each distance between distributions descends once more. A measured value that
+/// can lie on both sides of its target can also meet it, since it is continuous over the box.
 ///
 /// # Errors
 /// With too few replicates.
@@ -62,11 +76,12 @@ pub fn reach(
         Ok::<_, ObjectiveError>(points.into_iter().zip(evaluations).collect::<Vec<_>>())
     };
     let points = measure(reduced, spread(N_POINTS, whole.variables.len(), seed).collect())?;
-    let candidates: Vec<Vec<f64>> = Term::ALL
-        .into_par_iter()
-        .flat_map(|term| {
+    let terms: Vec<Term> = whole.objective.listed().collect();
+    let candidates: Vec<Vec<f64>> = terms
+        .par_iter()
+        .flat_map(|&term| {
             let by = |key: fn(&TermValue) -> f64| {
-                let least = points.iter().min_by(|a, b| key(a.1.get(term)).total_cmp(&key(b.1.get(term))));
+                let least = points.iter().min_by(|a, b| key(&a.1[term]).total_cmp(&key(&b.1[term])));
                 least.map(|(u, _)| u.clone())
             };
             let start = by(|t| t.f);
@@ -76,7 +91,7 @@ pub fn reach(
         .flatten()
         .chain([found.to_vec()])
         .collect();
-    // Many are best for several terms.
+    // Many points are best for several terms.
     let mut different: Vec<Vec<f64>> = Vec::new();
     for u in candidates {
         if !different.contains(&u) {
@@ -84,26 +99,28 @@ pub fn reach(
         }
     }
     let mut measured = measure(whole, different)?;
-    let best = measured.iter().min_by(|a, b| a.1.get(Term::Hist).f.total_cmp(&b.1.get(Term::Hist).f));
-    let last = best.and_then(|(u, _)| descend(whole, Term::Hist, u));
-    measured.extend(measure(whole, last.into_iter().collect())?);
+    for &distance in terms.iter().filter(|term| term.is_distance()) {
+        let best = measured.iter().min_by(|a, b| a.1[distance].f.total_cmp(&b.1[distance].f));
+        let last = best.and_then(|(u, _)| descend(whole, distance, u));
+        measured.extend(measure(whole, last.into_iter().collect())?);
+    }
     let of = |term: Term| {
-        let terms = || measured.iter().map(move |(_, e)| e.get(term));
-        let target = measured[0].1.get(term).target;
+        let terms = || measured.iter().map(move |(_, e)| &e[term]);
+        let target = measured[0].1[term].target;
         let least = terms().map(|t| t.value).fold(f64::INFINITY, f64::min);
         let largest = terms().map(|t| t.value).fold(f64::NEG_INFINITY, f64::max);
         let floor = terms().map(|t| t.f).fold(f64::INFINITY, f64::min);
         let is_crossed = (least..=largest).contains(&target);
         Reach { term, target, floor: if is_crossed { 0.0 } else { floor }, least, largest }
     };
-    Ok(Term::ALL.map(of).to_vec())
+    Ok(terms.into_iter().map(of).collect())
 }
 
-/// Down from a point by one term alone; `None` when the search fails.
+/// End of a descent from `start` by one term alone; `None` if the search fails.
 fn descend(evaluator: &Evaluator, term: Term, start: &[f64]) -> Option<Vec<f64>> {
     let objective = evaluator.objective.only(term);
     let alone = Evaluator { objective: &objective, ..*evaluator };
-    let smoothing = Smoothing::with_delta(5e-3);
+    let smoothing = Smoothing::with_delta(DELTA);
     let options = optim::Options {
         max_evaluations: Some(EVALUATIONS),
         first_step: Some(FIRST_STEP),
@@ -117,62 +134,46 @@ fn descend(evaluator: &Evaluator, term: Term, start: &[f64]) -> Option<Vec<f64>>
     outcome.ok().map(|o| o.x)
 }
 
-/// By name of the term.
+/// The ranges as a JSON object, by the names of the terms.
 #[must_use]
 pub fn to_json(reach: &[Reach]) -> Value {
     let entries: Map<String, Value> = reach.iter().map(|r| (r.term.name().to_owned(), json!(r))).collect();
     entries.into()
 }
 
-fn what(term: Term) -> &'static str {
-    match term {
-        Term::MeanObj => "the object's mean luminance",
-        Term::MeanBack => "the background's mean luminance",
-        Term::VarObj => "the object's standard deviation",
-        Term::VarBack => "the background's standard deviation",
-        Term::Grad => "the object's mean gradient",
-        Term::Hist => "the histogram's distance to the signature",
-    }
-}
-
-/// A line for every term that these lights cannot bring to its target.
+/// A sentence about each term that the lights cannot bring to its target.
 #[must_use]
 pub fn in_words(reach: &[Reach]) -> Vec<String> {
     reach
         .iter()
         .filter(|r| r.floor > NOTABLE)
         .map(|r| {
-            let (name, floor) = (what(r.term), r.floor);
-            let is_deviation = matches!(r.term, Term::VarObj | Term::VarBack);
-            if r.term == Term::Hist {
+            let (name, floor) = (r.term.words(), r.floor);
+            if r.term.is_distance() {
                 return format!("{name} is at least {floor:.3} with these lights");
             }
             let (bound, reached) = if r.least > r.target { ("at least", r.least) } else { ("at most", r.largest) };
-            let why = if is_deviation && r.target > 0.5 {
-                "; no picture has one above 0.5, so this asks for as much contrast as there is"
-            } else {
-                ""
-            };
+            let why = r.term.beyond_all_pictures(r.target).map(|why| format!("; {why}")).unwrap_or_default();
             let term = r.term.name();
             format!("{name} is {bound} {reached:.3} with these lights, {:.3} is wanted: {term} stays at {floor:.3} or more{why}", r.target)
         })
         .collect()
 }
 
-/// What to say of a result that meets the histogram by darkness (or light) alone;
-/// `None` of one that shows its object.
+/// Advice about a result that meets the histogram by darkness alone; `None` for a result that shows its
+/// object.
 #[must_use]
 pub fn degenerate(result: &Evaluation, variables: &ParamVector, x: &[f64]) -> Option<String> {
-    let object = result.get(Term::MeanObj);
-    let is_dark = object.value < 0.4 * object.target && object.target > 0.1;
-    if !is_dark || result.get(Term::Hist).f > 0.3 {
+    let (object, histogram) = (result.get(Term::MeanObj)?, result.get(Term::Hist)?);
+    let is_dark = object.value < DARK * object.target && object.target > BRIGHT_TARGET;
+    if !is_dark || histogram.f > MET {
         return None;
     }
     let mut at = variables.variables.iter().zip(x);
     let advice = if at.clone().all(|(v, _)| v.kind.keyword() != "background") {
         "let the background's value vary (--free, or a background material in the sidecar)".to_owned()
     } else {
-        at.find_map(|(v, &x)| v.kind.advice_for_darkness(v, x)).unwrap_or_else(|| {
+        at.find_map(|(v, &x)| v.advice_for_darkness(x)).unwrap_or_else(|| {
             "move or narrow a light, so that it lights the object and not the background".to_owned()
         })
     };

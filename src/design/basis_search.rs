@@ -1,10 +1,9 @@
 //! Optimisation on the transport basis: one render, many evaluations.
 //!
-//! Few samples of a basis for all lightings tell where to look. Around the lights found
-//! a basis of its own is rendered, whose knots and samples lie there, and the search goes
-//! on in it; samples are added until the error of f_q is small enough. A check render with
-//! samples that chose nothing gives the f_q that is reported; while both disagree, the
-//! basis is rendered anew. Several looks share all renders.
+//! A search in a first basis of few samples tells where to look. The next samples are aimed at the
+//! lights found, and more are added until the error of f_q is small enough. A check render with samples
+//! that chose nothing gives the f_q that is reported; where it disagrees with the basis, a finer one is
+//! rendered around the lights found and the search goes on in that. Several looks share all renders.
 
 use std::time::Instant;
 
@@ -12,21 +11,33 @@ use rayon::prelude::*;
 
 use super::{
     Reporter, RunError, check,
-    look::{Found, LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
-    precision::{LEAST_SAMPLES, Precision},
+    look::{LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
+    precision::{MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
     seeds::{Purpose, seed_for},
-    setup::{Setup, Task},
+    setup::{Found, Setup, Task},
     working_basis::{Focus, REPLICATES, WorkingBasis},
 };
-use crate::{integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate};
+use crate::{
+    integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate, optim::StopReason,
+};
 
-/// Samples of a check, of those of the basis: a render of one lighting is less noisy than a basis
-/// of all that lie around it. They are as many at least as can be trusted, and become a power of
-/// two a replicate, after which Sobol's sequence leaves the least noise.
+/// Samples with which a check begins, over those of the basis: a render of one lighting is less noisy than
+/// a basis of all around it, and more samples follow if its error needs them. There are at least
+/// [`MIN_SAMPLES`], and a power of two in each replicate, after which Sobol's sequence has the least
+/// noise.
 const CHECK_SHARE: f64 = 0.5;
+/// Range of the factor on a look's samples by which it gets its part of common samples: errors estimated
+/// from few samples must not leave another look without any. Set by reasoning.
+const NEED_RANGE: [f64; 2] = [0.1, 10.0];
+/// Power of the factor on each look's samples by which the samples of a basis are divided among looks: with
+/// 1/2 the sum of the factors that are then left is least.
+const BASIS_SHARE_POWER: f64 = 0.5;
+/// Power of that factor by which the samples of a check are divided: with 1 the largest of the factors that
+/// are then left is least, and a check lasts until the last look is precise.
+const CHECK_SHARE_POWER: f64 = 1.0;
 
-/// Finds the lights of several looks: searches, adds samples, checks, refocuses.
+/// Finds the lights of several looks: searches, adds samples, checks, and renders finer bases.
 ///
 /// # Errors
 /// When a render or the record fails.
@@ -44,10 +55,8 @@ pub fn optimise(
     let spent = Spent::default();
     let mut search =
         BasisSearch { setup, reporter, basis, focused: None, open, found, spent, disagree: false, renders };
-    let begin = Instant::now();
     while !search.open.is_empty() {
-        let is_late = setup.options.time_limit.is_some_and(|t| begin.elapsed() >= t);
-        let may_go_on = !reporter.cancelled() && !is_late;
+        let may_go_on = !setup.search_is_over(reporter);
         match search.next_step(may_go_on) {
             Step::Check => search.check(may_go_on)?,
             step => search.take(step)?,
@@ -60,31 +69,32 @@ pub fn optimise(
 struct BasisSearch<'b, 't, 'a, R> {
     setup: Setup<'b>,
     reporter: &'b R,
-    /// The basis of all lightings.
+    /// Basis of all lightings.
     basis: &'b mut WorkingBasis,
-    /// A basis around what was found, once one was needed.
+    /// Finer basis around the lights found; `None` until one is needed.
     focused: Option<WorkingBasis>,
-    /// The looks whose lights are still sought.
+    /// Looks whose lights are still sought.
     open: Vec<LookSearch<'t, 'a>>,
-    /// What was found per look.
+    /// Result for each look; `None` while its lights are sought.
     found: Vec<Option<Found>>,
-    /// What the bases have cost.
+    /// Numbers of bases and additions of samples so far.
     spent: Spent,
-    /// Whether the last check and the basis disagree.
+    /// Whether the last check disagreed with the basis for some look.
     disagree: bool,
+    /// Number of renders of the run so far.
     renders: &'b mut u64,
 }
 
 impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
-    /// The basis in which the search goes on.
+    /// Basis in which the search goes on.
     fn now(&self) -> &WorkingBasis {
         self.focused.as_ref().unwrap_or(self.basis)
     }
 
-    /// What all looks need next.
+    /// Next step that all looks need.
     fn next_step(&mut self, may_go_on: bool) -> Step {
         if std::mem::take(&mut self.disagree) {
-            // As many would let noise choose again.
+            // With as many samples noise would choose again.
             return Step::Refocus(2 * self.now().samples());
         }
         let now = self.now();
@@ -92,13 +102,13 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
         Step::for_all(&steps.collect::<Vec<_>>(), now.samples())
     }
 
-    /// Takes a step that is no check, and lets every look go on from there.
+    /// Takes a step other than a check, and continues the search for every look.
     fn take(&mut self, step: Step) -> Result<(), RunError> {
         let (setup, reporter) = (self.setup, self.reporter);
         let clock = Instant::now();
         match step {
             Step::Refocus(samples) => {
-                let foci = foci(&self.open, self.now(), setup, 0.5);
+                let foci = foci(&self.open, self.now(), setup, BASIS_SHARE_POWER);
                 let mut fresh = self.now().around(foci, self.spent.rounds, &setup);
                 self.open.iter_mut().for_each(|look| look.searched = 0);
                 self.spent.rounds += 1;
@@ -110,7 +120,7 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
                 self.focused = Some(fresh);
             }
             Step::Aim(samples) => {
-                let foci = foci(&self.open, self.now(), setup, 0.5);
+                let foci = foci(&self.open, self.now(), setup, BASIS_SHARE_POWER);
                 self.basis.aim_at(foci);
                 self.basis.add(samples, &setup, reporter)?;
             }
@@ -125,19 +135,23 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
         }
         let clock = Instant::now();
         let now = self.focused.as_ref().unwrap_or(self.basis);
-        let cancelled = || reporter.cancelled();
+        let cancelled = || setup.search_is_over(reporter);
         self.open.par_iter_mut().try_for_each(|look| look.advance(step, now, setup, &cancelled))?;
         self.open.iter_mut().try_for_each(|look| look.log_time("refine", clock))
     }
 
-    /// Checks what was found for every look with new samples; the looks for which the basis and the
-    /// check agree, or nothing more may be done, are finished.
+    /// Checks the lights of every look with new samples. Looks for which basis and check agree, or nothing
+    /// more may be done, are finished.
     fn check(&mut self, may_go_on: bool) -> Result<(), RunError> {
         let (setup, reporter) = (self.setup, self.reporter);
         let clock = Instant::now();
         let open = std::mem::take(&mut self.open);
         let now = self.focused.as_ref().unwrap_or(self.basis);
-        let checks = check_all(&open, now, setup, self.spent.rounds, self.renders, reporter)?;
+        let checks = match reporter.cancelled() {
+            // Whoever interrupts does not wait for a render: what the basis expects is reported.
+            true => open.iter().map(|look| look.best.estimate.clone()).collect(),
+            false => check_all(&open, now, setup, self.spent.rounds, self.renders, reporter)?,
+        };
         let mut agreed = Vec::new();
         for (mut look, measured) in open.into_iter().zip(checks) {
             look.log_time("check", clock)?;
@@ -157,10 +171,13 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
                 self.open.push(look);
             }
         }
-        let is_interrupted = reporter.cancelled();
+        let cut_short = match reporter.cancelled() {
+            true => Some(StopReason::Interrupted),
+            false => (!may_go_on).then_some(StopReason::TimeLimit),
+        };
         let finished = agreed
             .into_par_iter()
-            .map(|(look, measured)| look.finish(measured, now, setup, is_interrupted))
+            .map(|(look, measured)| look.finish(measured, now, setup, cut_short))
             .collect::<Result<Vec<_>, _>>()?;
         finished.into_iter().for_each(|(index, f)| self.found[index] = Some(f));
         self.disagree = !self.open.is_empty();
@@ -171,7 +188,7 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
     }
 }
 
-/// Searches the first basis for every look.
+/// Searches the first basis for the lights of every look.
 fn begin_searches<'t, 'a>(
     basis: &WorkingBasis,
     tasks: &'t mut [Task<'a>],
@@ -179,7 +196,7 @@ fn begin_searches<'t, 'a>(
     reporter: &impl Reporter,
 ) -> Result<Vec<LookSearch<'t, 'a>>, RunError> {
     let clock = Instant::now();
-    let cancelled = || reporter.cancelled();
+    let cancelled = || setup.search_is_over(reporter);
     let seed = basis.seed() as u32;
     let found = tasks
         .par_iter()
@@ -223,19 +240,18 @@ fn begin_searches<'t, 'a>(
     Ok(looks)
 }
 
-/// What was found for every look: the more it lacks of the tolerance, the more samples are its, by a
-/// power of that. With 1/2 the sum of what they then lack is the least, with 1 the most that one lacks.
+/// Focus on the lights of every look, with a part of the samples as a `power` of the factor that it needs.
 fn foci(looks: &[LookSearch], now: &WorkingBasis, setup: Setup, power: f64) -> Vec<Focus> {
+    let [least, most] = NEED_RANGE;
     let focus = |look: &LookSearch| {
         let precision = Precision::reported(setup.options.tolerance);
-        let share = precision.needed(&look.best.estimate).clamp(0.1, 10.0).powf(power);
+        let share = precision.sample_factor(&look.best.estimate).clamp(least, most).powf(power);
         now.focus(setup.lighting(&look.best.u), share)
     };
     looks.par_iter().map(focus).collect()
 }
 
-/// Renders what was found with samples that chose nothing: a share of those that found it, and
-/// more if an error needs them.
+/// Measures f_q of the lights of all looks with samples that chose nothing.
 fn check_all(
     looks: &[LookSearch],
     now: &WorkingBasis,
@@ -245,16 +261,16 @@ fn check_all(
     reporter: &impl Reporter,
 ) -> Result<Vec<JackknifeEstimate>, RunError> {
     let objectives: Vec<_> = looks.iter().map(|look| &look.task.objective).collect();
-    let foci = foci(looks, now, setup, 1.0);
+    let foci = foci(looks, now, setup, CHECK_SHARE_POWER);
     let seed = hash_words(&[seed_for(setup.options.seed, Purpose::Check), u64::from(round)]);
-    let wanted = ((f64::from(now.samples()) * CHECK_SHARE) as u32).max(LEAST_SAMPLES);
+    let wanted = ((f64::from(now.samples()) * CHECK_SHARE) as u32).max(MIN_SAMPLES);
     let spp = wanted.div_ceil(REPLICATES as u32).next_power_of_two() * REPLICATES as u32;
     let checks = check::check(&foci, &objectives, setup, seed, spp, reporter)?;
     *renders += checks.renders;
     Ok(checks.estimates)
 }
 
-/// What a search over the whole box says of the starts.
+/// Verdict of a search over the whole box on the starts, in words.
 fn global_line(global: &Polished, evaluations: u32, best: &Polished) -> String {
     let [found, best] = [global, best].map(|p| p.estimate.evaluation.f_q);
     let verdict = if found < best { "better" } else { "no better" };

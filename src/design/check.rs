@@ -1,14 +1,14 @@
-//! Renders of the lights found, with samples that chose nothing.
+//! Check renders of the lights found, with samples that chose nothing.
 
 use rayon::prelude::*;
 
 use super::{
     Reporter, RunError,
+    deadline::Deadline,
     observer::Unstoppable,
     precision::{MAX_SAMPLES, Precision},
-    run::MAX_TOGETHER,
     setup::Setup,
-    working_basis::{Focus, REPLICATES},
+    working_basis::{Focus, MAX_TOGETHER, REPLICATES},
 };
 use crate::{
     film::RgbFilm,
@@ -19,17 +19,21 @@ use crate::{
     objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
 };
 
-/// What a check measured.
+/// Samples of each replicate that are taken before a check looks whether it must end: fewer shorten the
+/// wait after an interrupt, more start parallel work less often. Set by reasoning.
+const PASS: u32 = 4;
+
+/// Results of a check.
 pub struct Checks {
-    /// f_q per lighting.
+    /// f_q of each lighting.
     pub estimates: Vec<JackknifeEstimate>,
-    /// Renders that it took.
+    /// Number of renders that it took.
     pub renders: u64,
 }
 
-/// f_q of some lightings, each by its own objective, from one render of their pictures, with
-/// hard edges: of `spp` samples per pixel over all replicates, and more until every error is
-/// small enough.
+/// Measures f_q of some lightings, each by its own objective, from one render of all their pictures
+/// without feathered edges: of `spp` samples per pixel over all replicates, and of more until every
+/// error is small enough.
 ///
 /// # Errors
 /// When a render fails.
@@ -51,7 +55,7 @@ pub fn check(
     }
 }
 
-/// As [`check`], with a node of the background's value for each of up to `N` lightings.
+/// [`check`] of up to `N` lightings, each at a node of the background's value.
 fn check_nodes<const N: usize>(
     foci: &[Focus],
     objectives: &[&Objective],
@@ -69,18 +73,24 @@ fn check_nodes<const N: usize>(
 
     let film = || RgbFilm::<N>::by_lighting(setup.camera.size(), &lightings);
     let mut films: Vec<RgbFilm<N>> = (0..REPLICATES).map(|_| film()).collect();
-    let rows = u64::from(setup.options.work_size.y) * REPLICATES as u64;
+    let is_over = || reporter.cancelled() || setup.deadline.has_passed(Deadline::CHECK);
     let (mut first, mut renders) = (0, 0);
     loop {
+        let wanted = first + spp.div_ceil(REPLICATES as u32).max(1);
+        let passes = u64::from((wanted - first).div_ceil(PASS)) * REPLICATES as u64;
+        let rows = passes * u64::from(setup.options.work_size.y);
         reporter.stage("checking the result with new samples", Some(rows));
-        let count = spp.div_ceil(REPLICATES as u32).max(1);
-        let samples = Samples { sampler: renderer.sampler, seed, first, count };
-        for (r, film) in films.iter_mut().enumerate() {
-            let replicate = [samples.replicate(r as u64)];
-            let observer = Unstoppable(reporter);
-            renderer.integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
+        while first < wanted && !(first > 0 && is_over()) {
+            let count = PASS.min(wanted - first);
+            let samples = Samples { sampler: renderer.sampler, seed, first, count };
+            for (r, film) in films.iter_mut().enumerate() {
+                let replicate = [samples.replicate(r as u64)];
+                let observer = Unstoppable(reporter);
+                let integrator = renderer.integrator;
+                integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
+            }
+            first += count;
         }
-        first += count;
         renders += 1;
         let measured = order.par_iter().enumerate().map(|(node, &i)| {
             Ok((i, measure(&films, node, first, objectives[i], setup, &foci[i].lighting)?))
@@ -92,20 +102,20 @@ fn check_nodes<const N: usize>(
         let precision = Precision::reported(setup.options.tolerance);
         let wanted = estimates.iter().filter(|e| !precision.is_met(e)).map(|e| precision.more(now, e)).max();
         match wanted {
-            Some(wanted) if now < MAX_SAMPLES && !reporter.cancelled() => spp = wanted,
+            Some(wanted) if now < MAX_SAMPLES && !is_over() => spp = wanted,
             _ => return Ok(Checks { estimates, renders }),
         }
     }
 }
 
-/// Indices of the lightings, the largest value of the background first: what samples follow.
+/// Indices of the lightings by falling value of the background, since sampling goes by the first node.
 fn by_falling_value(foci: &[Focus]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..foci.len()).collect();
     order.sort_by(|&a, &b| foci[b].lighting.value.total_cmp(&foci[a].lighting.value));
     order
 }
 
-/// Samples the sizes and the lights of all lightings.
+/// Sampling plan for the sizes and lights of all lightings.
 fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
     let density = |light: usize| {
         let sizes = Focus::sizes(foci, light);
@@ -120,7 +130,7 @@ fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
     }
 }
 
-/// f_q of the picture at a node of the background's value, from `samples` per pixel and replicate.
+/// f_q of the picture of the lighting at `node`, from films of `samples` samples per pixel each.
 fn measure<const N: usize>(
     films: &[RgbFilm<N>],
     node: usize,

@@ -1,32 +1,32 @@
-//! Coordinates for descents: a light keeps its flux when its size changes.
+//! Coordinates for descents, in which a light keeps its flux when its size changes.
 //!
 //! A larger light of the same flux hardly changes anything but the edges of shadows, so f_q has
 //! a long curved valley along `L s² = const` for every light. With `L₀ = L (s/s₀)²` in the place
-//! of L it is straight and lies along an axis. s₀ is the size where a descent begins: there
-//! both coordinates are the same.
+//! of L the valley is straight and lies along an axis. s₀ is the size at which a descent begins, where
+//! the coordinates equal those of the unit cube.
 
 use crate::variables::ParamVector;
 
-/// Two free variables of a light: one to which its flux is proportional, and one to a power of which
-/// it is.
+/// Two free variables of a light: its flux is proportional to the first, and to a power of the second.
 struct Pair {
     /// Index of the variable to which the flux is proportional.
     radiance: usize,
-    /// Index of the other variable.
+    /// Index of the variable to a power of which the flux is proportional.
     size: usize,
-    /// Power of the other variable to which the flux is proportional.
+    /// Power of the second variable to which the flux is proportional.
     power: i32,
-    /// Value s₀ of the other variable at which both coordinates are the same.
+    /// Value s₀ of the second variable at which the coordinates equal those of the unit cube.
     origin: f64,
 }
 
-/// Coordinates around a point of the unit cube.
+/// Coordinates around a point of the unit cube, in which lights keep their flux.
 pub(super) struct Coordinates<'a> {
     variables: &'a ParamVector,
     pairs: Vec<Pair>,
 }
 
 impl<'a> Coordinates<'a> {
+    /// Coordinates around the point `u`, which has the same coordinates as in the unit cube.
     pub fn around(u: &[f64], variables: &'a ParamVector) -> Self {
         let all = || variables.variables.iter().enumerate();
         let pairs = all().filter(|(_, v)| v.kind.flux_power() == Some(1) && v.upper > v.lower);
@@ -38,7 +38,7 @@ impl<'a> Coordinates<'a> {
         Self { pairs: pairs.collect(), variables }
     }
 
-    /// The point of the unit cube; a radiance that would be above its bound is on it.
+    /// Point of the unit cube with the coordinates `y`; a radiance that would be above its bound is on it.
     pub fn to_cube(&self, y: &[f64]) -> Vec<f64> {
         let mut u = y.to_vec();
         for pair in &self.pairs {
@@ -50,13 +50,14 @@ impl<'a> Coordinates<'a> {
         u
     }
 
-    /// The point `u` around which they lie, with sizes that are below `lower` on it, at constant flux.
+    /// The point `u` around which the coordinates lie, with components below `lower` raised to it at
+    /// constant flux.
     pub fn not_below(&self, u: &[f64], lower: &[f64]) -> Vec<f64> {
         let y: Vec<f64> = u.iter().zip(lower).map(|(u, lower)| u.max(*lower)).collect();
         if y == u { y } else { self.to_cube(&y) }
     }
 
-    /// Turns derivatives by `u = to_cube(y)` into such by `y`.
+    /// Turns the gradient by `u = to_cube(y)` into that by `y`, in place.
     pub fn pull_back(&self, y: &[f64], u: &[f64], gradient: &mut [f64]) {
         for pair in &self.pairs {
             let [of, size] = [pair.radiance, pair.size].map(|i| &self.variables.variables[i]);

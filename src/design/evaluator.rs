@@ -1,4 +1,4 @@
-//! f_q of a lighting from the basis, freed of noise bias, with its exact gradient.
+//! f_q of a lighting from the basis, corrected for noise bias, with its exact gradient.
 
 use std::collections::BTreeMap;
 
@@ -8,82 +8,90 @@ use crate::{
     lighting::Lighting,
     math::display::LuminanceMode,
     objective::{
-        JackknifeEstimate, Jackknifed, N_SCALARS, Objective, ObjectiveError, Replicates, Residuals,
-        Smoothing, Statistics,
+        JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing,
+        Statistics,
     },
     optim::Moduli,
     transport::{LightingGradient, Linearised, Recombination, Tables, Tangents, TransportBasis},
     variables::ParamVector,
 };
 
-/// Points whose pictures are recombined at a time: their images stay in the caches.
+/// Number of pictures that are recombined together, so that a row of the tables is read from memory once
+/// for all of them; more would not fit into the caches. With four, the record of a run is made in two
+/// thirds of the time.
 const TOGETHER: usize = 4;
 
-/// f_q as a function of the variables.
+/// f_q as a function of the variables, evaluated on a basis.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluator<'a> {
-    /// Light transport.
+    /// Basis with all replicates, for estimates with their errors.
     pub basis: &'a TransportBasis,
-    /// The same in fewer replicates, see [`TransportBasis::halves`]: what descends needs no
-    /// error.
+    /// The same samples in two replicates, see [`TransportBasis::halves`], for descents, which need no
+    /// errors.
     pub halves: &'a TransportBasis,
-    /// What is asked of the picture.
+    /// Objective of the pictures.
     pub objective: &'a Objective,
-    /// What varies.
+    /// Free variables.
     pub variables: &'a ParamVector,
-    /// The lighting where nothing varies.
+    /// Lighting of everything that does not vary.
     pub fixed: &'a Lighting,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
-    /// Least size per light within which enough samples lie, see [`Self::lower_bounds`]; empty where
-    /// any size may be asked for.
+    /// Least size of each light within which enough samples fall, see [`Self::lower_bounds`]; empty where
+    /// every size has enough.
     pub least_sizes: &'a [f64],
 }
 
-/// Images of an evaluation, reused from one to the next.
+/// Images of an evaluation; their memory is reused from one evaluation to the next.
 #[derive(Debug, Default)]
 pub struct Scratch<'a> {
-    near: Near<'a>,
-    /// Linear luminance by replicate, later its adjoint.
+    /// Tables for the background's value of the last evaluations.
+    value: ValueCache<'a>,
+    /// Linear luminance of each replicate.
     replicates: Vec<Vec<f64>>,
+    /// Mean of the replicates.
     mean: Vec<f64>,
-    /// Mean with a replicate left out.
+    /// Mean of all replicates but one.
     linear: Vec<f64>,
-    /// Display luminance and its slope: of the mean, and with each replicate left out.
+    /// Display luminance: of the mean, then of the mean without each replicate.
     display: Vec<Vec<f64>>,
+    /// Derivative of display luminance by linear luminance, in the same order.
     slopes: Vec<Vec<f64>>,
+    /// Adjoint image of the mean.
     adjoint: Vec<f64>,
-    /// By what is differentiated, then by replicate.
+    /// Adjoint images, as `[function differentiated][replicate]`.
     adjoints: Vec<Vec<Vec<f64>>>,
-    /// Derivatives of the replicates.
+    /// Derivatives of the luminance of each replicate.
     tangents: Vec<Tangents>,
 }
 
 impl Scratch<'_> {
-    /// Of evaluations that follow each other, of which many may have the same value of the
-    /// background. Which they are must not be left to chance: what is found depends on them by
-    /// rounding.
+    /// Images of the evaluations of one descent, many of which may have the same value of the background
+    /// and then share work. Which evaluations use the same images must not depend on threads: results
+    /// depend on it by rounding.
     #[must_use]
     pub fn of_descent() -> Self {
-        Self { near: Near { follows: true, ..Near::default() }, ..Self::default() }
+        Self { value: ValueCache { is_descent: true, ..ValueCache::default() }, ..Self::default() }
     }
 }
 
-/// What serves evaluations of the same value of the background.
+/// Tables for evaluations that share a value of the background.
 #[derive(Debug, Default)]
-struct Near<'a> {
-    /// Whether there will be such.
-    follows: bool,
-    /// The last value.
+struct ValueCache<'a> {
+    /// Whether the evaluations are those of one descent.
+    is_descent: bool,
+    /// Value of the background in the last evaluation.
     last: Option<f64>,
+    /// Basis linearised around a value that occurred twice in succession.
     linearised: Option<Linearised<'a>>,
 }
 
-impl<'a> Near<'a> {
-    /// The tables for `x`: `whole`, or what that is around a value that was there before.
+impl<'a> ValueCache<'a> {
+    /// Tables for the lighting `x`: those of `whole`, or those linearised around its value if that occurred
+    /// before.
     fn tables(&mut self, whole: &'a TransportBasis, x: &Lighting) -> &dyn Tables {
         let again = self.last.replace(x.value) == Some(x.value);
-        if !again || !self.follows || whole.layout().nodes.len() <= 2 {
+        if !again || !self.is_descent || whole.layout().nodes.len() <= 2 {
             return whole;
         }
         if self.linearised.as_ref().is_none_or(|near| near.value() != x.value) {
@@ -96,23 +104,23 @@ impl<'a> Near<'a> {
 }
 
 impl<'a> Evaluator<'a> {
-    /// The lighting of values `x`.
+    /// Lighting with the variables at the values `x`.
     #[must_use]
     pub fn lighting(&self, x: &[f64]) -> Lighting {
         self.variables.lighting(self.fixed.clone(), x)
     }
 
-    /// Lower bound per variable, in the unit cube, below which too few samples fall inside the light
-    /// for a reliable estimate: most pixels then know nothing of it, and no comparison of replicates
-    /// reveals that.
+    /// Lower bound of each variable, in the unit cube, below which too few samples fall inside the light for
+    /// a reliable estimate: most pixels then have no sample of it, and no comparison of replicates reveals
+    /// that.
     #[must_use]
     pub fn lower_bounds(&self) -> Vec<f64> {
         let variables = self.variables.variables.iter();
-        variables.map(|v| v.encode(v.kind.least_sampled(v, self.least_sizes))).collect()
+        variables.map(|v| v.encode(v.least_sampled(self.least_sizes))).collect()
     }
 
-    /// Images of the replicates, encoded for the display: the mean and the means
-    /// that leave one out; with their derivatives if wanted.
+    /// Makes the images of the lighting `x` in `scratch`: display luminance of the mean of the replicates
+    /// and of the means without each of them, with their derivatives if wanted.
     fn images(&self, x: &Lighting, differentiate: bool, scratch: &mut Scratch<'a>) {
         let n = self.halves.layout().n_pixels();
         let count = self.halves.n_replicates();
@@ -127,9 +135,9 @@ impl<'a> Evaluator<'a> {
         scratch.linear.resize(n, 0.0);
         scratch.adjoint.resize(n, 0.0);
         scratch.tangents.resize_with(count, Tangents::default);
-        let Scratch { near, replicates, mean, linear, display, slopes, tangents, .. } = scratch;
+        let Scratch { value, replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
-        let tables = near.tables(self.halves, x);
+        let tables = value.tables(self.halves, x);
         let r = Recombination::new(tables.layout(), x);
         for (i, (y, tangents)) in replicates.iter_mut().zip(tangents).enumerate() {
             if differentiate {
@@ -154,8 +162,8 @@ impl<'a> Evaluator<'a> {
         }
     }
 
-    /// Smoothed f_q at `u` in the unit cube, freed of noise bias; `gradient`, if
-    /// given, receives its derivatives.
+    /// Smoothed f_q at the point `u` of the unit cube, corrected for noise bias; its gradient by `u` is
+    /// written to `gradient`, if given.
     ///
     /// # Errors
     /// With fewer than two replicates.
@@ -174,7 +182,8 @@ impl<'a> Evaluator<'a> {
         Ok(evaluation.f_q)
     }
 
-    /// As [`Self::evaluate`], but the terms before their moduli are taken, into `out`.
+    /// Writes the terms at the point `u` of the unit cube, before their moduli are taken, to `out`, with
+    /// their gradients; they are corrected for noise bias.
     ///
     /// # Errors
     /// With fewer than two replicates.
@@ -186,14 +195,15 @@ impl<'a> Evaluator<'a> {
         scratch: &mut Scratch<'a>,
     ) -> Result<(), ObjectiveError> {
         let z = self.measure(u, smoothing, true, scratch)?;
-        let Residuals { scalars, hist } = self.objective.residuals(&z.corrected, smoothing);
-        out.rest = hist.value;
-        out.residuals = scalars.iter().map(|residual| residual.value).collect();
-        let of_scalars = scalars.into_iter().map(|residual| residual.by_statistics);
-        let dz: Vec<Statistics> = std::iter::once(hist.by_statistics).chain(of_scalars).collect();
+        let Residuals { scalars, distances } = self.objective.residuals(&z.corrected, smoothing);
+        out.rest = distances.value;
+        out.residuals = scalars.iter().flatten().map(|residual| residual.value).collect();
+        let of_scalars = scalars.into_iter().flatten().map(|residual| residual.by_statistics);
+        let dz: Vec<Statistics> = std::iter::once(distances.by_statistics).chain(of_scalars).collect();
         self.pull_back(u, &z, &dz, smoothing, scratch, out.gradients())
     }
 
+    /// Statistics of the images at `u`, with those of their means without each replicate.
     fn measure(
         &self,
         u: &[f64],
@@ -207,8 +217,8 @@ impl<'a> Evaluator<'a> {
         self.objective.jackknifed(&scratch.display[0], &one_out, smoothing.ramp)
     }
 
-    /// Carries gradients `dz` in the statistics `z` of the images in `scratch` back to the
-    /// variables.
+    /// Writes the gradient by `u` of each function to `gradients`, from its gradient `dz` by the statistics
+    /// `z` of the images in `scratch`.
     fn pull_back<'g>(
         &self,
         u: &[f64],
@@ -254,8 +264,8 @@ impl<'a> Evaluator<'a> {
         Ok(())
     }
 
-    /// f_q at `u`, unsmoothed, freed of noise bias, with its error from as many
-    /// labellings of the replicates.
+    /// f_q at the point `u` of the unit cube, unsmoothed and corrected for noise bias, with its error from
+    /// `labellings` relabellings of the replicates.
     ///
     /// # Errors
     /// With fewer than two replicates.
@@ -305,34 +315,37 @@ impl<'a> Evaluator<'a> {
         Ok(measured.into_iter().map(|(_, e)| e).collect())
     }
 
+    /// Replicates of a picture of the lighting `x`, from their linear luminance.
     fn replicates<'l>(&self, linear: &'l [Vec<f64>], x: &Lighting) -> Replicates<'l> {
         Replicates { linear, luminance: self.luminance, exposure: x.exposure }
     }
 
-    /// By how much [`Self::residuals`] at `u` are less than all replicates tell to the second order
-    /// of the jackknife: what the halves leave of the noise's bias, and a little of its chance.
+    /// Corrections of [`Self::residuals`] at the point `u`: residuals of all replicates by the second-order
+    /// jackknife minus those of the two halves by the first-order one. They remove what the halves leave of
+    /// the bias by noise. Zero with fewer than three replicates.
     ///
     /// # Errors
     /// With fewer than two replicates.
-    pub fn defects(
+    pub fn residual_corrections(
         &self,
         u: &[f64],
         smoothing: &Smoothing,
         scratch: &mut Scratch<'a>,
-    ) -> Result<[f64; N_SCALARS], ObjectiveError> {
+    ) -> Result<Vec<f64>, ObjectiveError> {
         if self.basis.n_replicates() < 3 {
-            return Ok([0.0; N_SCALARS]);
+            return Ok(vec![0.0; self.objective.scalars().count()]);
         }
-        let told = self.measure(u, smoothing, false, scratch)?.corrected;
+        let halves = self.measure(u, smoothing, false, scratch)?.corrected;
         let x = self.lighting(&self.variables.decode(u));
         let linear = linear(self.basis, &[&x]).remove(0);
-        let known = self.replicates(&linear, &x).second_order(self.objective, smoothing.ramp);
-        let [known, told] = [known, told].map(|z| self.objective.residuals(&z, smoothing).scalars);
-        Ok(std::array::from_fn(|i| known[i].value - told[i].value))
+        let all = self.replicates(&linear, &x).second_order(self.objective, smoothing.ramp);
+        let [all, halves] = [all, halves].map(|z| self.objective.residuals(&z, smoothing).scalars);
+        let pairs = all.iter().flatten().zip(halves.iter().flatten());
+        Ok(pairs.map(|(all, halves)| all.value - halves.value).collect())
     }
 }
 
-/// Linear luminance of all replicates of each of some lightings.
+/// Linear luminance of some lightings, as `[lighting][replicate][pixel]`.
 fn linear(tables: &dyn Tables, lightings: &[&Lighting]) -> Vec<Vec<Vec<f64>>> {
     let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(tables.layout(), x)).collect();
     let of: Vec<&Recombination> = of.iter().collect();

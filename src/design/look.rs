@@ -1,4 +1,4 @@
-//! The search for the lights of one look: what it needs next, and what becomes of it.
+//! The search for the lights of one look: its next step, and its record.
 
 use std::time::Instant;
 
@@ -6,13 +6,12 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    RunError,
-    attainable::{self, Reach},
+    RunError, attainable,
     evaluator::Evaluator,
     pictures::attribute,
-    precision::{AIMED_SAMPLES, LEAST_SAMPLES, MAX_SAMPLES, Precision},
+    precision::{AIMED_SAMPLES, MAX_SAMPLES, MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
-    setup::{Setup, Task},
+    setup::{Found, Setup, Task},
     working_basis::WorkingBasis,
 };
 use crate::{
@@ -20,42 +19,30 @@ use crate::{
     variables::ParamVector,
 };
 
-/// Times the basis is rendered anew around what was found.
+/// Upper bound of the times that the basis is rendered anew around the lights found, with twice the samples
+/// each: the looks of the fruit basket need none, those of a bowl of glass one or two.
 pub const MAX_REFOCUS: u32 = 4;
-/// Times that samples are added for the tolerance.
+/// Upper bound of the times that samples are added for the tolerance: by a factor of 2.5 at most each,
+/// six lead from 16 samples to [`MAX_SAMPLES`].
 const MAX_ADDITIONS: u32 = 6;
 
-/// What was found for one target.
-pub struct Found {
-    /// The point, in the unit cube.
-    pub u: Vec<f64>,
-    /// f_q there, from samples that chose nothing.
-    pub check: JackknifeEstimate,
-    /// Evaluations with gradient.
-    pub evaluations: u32,
-    /// Why the last search ended.
-    pub stop: StopReason,
-    /// What of each term the lights can reach.
-    pub reach: Vec<Reach>,
-}
-
-/// What to do next.
+/// Next step of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// Add so many samples to the first basis, aimed at the best point.
+    /// Add this many samples to the first basis, aimed at the best point.
     Aim(u32),
-    /// Render a finer basis around the best point, of so many samples.
+    /// Render a finer basis of this many samples around the best point.
     Refocus(u32),
-    /// Add so many samples to the present one.
+    /// Add this many samples to the present basis.
     Add(u32),
-    /// Search the present basis once more, now that there are more samples.
+    /// Search the present basis once more, since it has more samples.
     Search,
     /// Check the best point.
     Check,
 }
 
 impl Step {
-    /// What serves all looks on a basis of `samples`: what one needs, the others take along.
+    /// Step that serves all looks on a basis of `samples` samples: what one of them needs.
     pub fn for_all(steps: &[Self], samples: u32) -> Self {
         let of = |step: &Self| match *step {
             Self::Refocus(n) | Self::Aim(n) => n,
@@ -78,12 +65,12 @@ impl Step {
     }
 }
 
-/// What the bases have cost so far.
+/// Numbers of bases and additions of samples so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spent {
-    /// Bases rendered around a point.
+    /// Number of bases rendered around the lights found.
     pub rounds: u32,
-    /// Times that samples were added.
+    /// Number of times that samples were added.
     pub additions: u32,
 }
 
@@ -93,35 +80,35 @@ pub struct LookSearch<'t, 'a> {
     pub index: usize,
     /// The look, its objective and its record.
     pub task: &'t mut Task<'a>,
-    /// The starts, and what was found from each.
+    /// Starts of the search, and what was found from each.
     pub trials: Vec<Trial>,
-    /// The end of the trial that leads.
+    /// Best end found so far.
     pub best: Polished,
-    /// Evaluations of f_q with its gradient so far.
+    /// Number of evaluations of f_q with its gradient so far.
     pub evaluations: u32,
-    /// Samples that the present basis had when all trials were last searched.
+    /// Number of samples of the present basis when all trials were last searched.
     pub searched: u32,
 }
 
 impl LookSearch<'_, '_> {
-    /// Writes the seconds of a stage that began at `since` to the record.
+    /// Logs the seconds of a stage that began at `since`.
     pub fn log_time(&mut self, stage: &str, since: Instant) -> Result<(), RunError> {
         self.task.dir.log_timing(&json!({"stage": stage, "seconds": since.elapsed().as_secs_f64()}))?;
         Ok(())
     }
 
-    /// Whether so many samples have come that there may be something new far away; not many more
-    /// show nothing.
+    /// Whether the basis has more than a third more samples than when all trials were last searched: fewer
+    /// hardly move f_q.
     fn is_due(&self, now: &WorkingBasis) -> bool {
         3 * now.samples() > 4 * self.searched
     }
 
-    /// What this look needs next.
+    /// Next step that this look needs.
     pub fn next_step(&self, now: &WorkingBasis, spent: Spent, setup: Setup, may_go_on: bool) -> Step {
         let may_refocus = may_go_on && spent.rounds < MAX_REFOCUS;
         let may_add = may_go_on && spent.additions < MAX_ADDITIONS && now.samples() < MAX_SAMPLES;
         let precision = Precision::choosing(setup.options.tolerance);
-        let missing = LEAST_SAMPLES.saturating_sub(now.samples());
+        let missing = MIN_SAMPLES.saturating_sub(now.samples());
         let exact = missing == 0 && precision.is_met(&self.best.estimate);
         if may_go_on && now.may_aim() {
             Step::Aim(AIMED_SAMPLES)
@@ -136,7 +123,7 @@ impl LookSearch<'_, '_> {
         }
     }
 
-    /// Goes on after a step.
+    /// Continues the search in the basis after a step.
     pub fn advance(
         &mut self,
         step: Step,
@@ -161,13 +148,14 @@ impl LookSearch<'_, '_> {
         Ok(())
     }
 
-    /// Writes the record, and tells what the lights can reach.
+    /// Writes the record and finds the range of each term; `cut_short` is the reason if the search was ended
+    /// before it was done.
     pub fn finish(
         mut self,
         check: JackknifeEstimate,
         now: &WorkingBasis,
         setup: Setup,
-        is_interrupted: bool,
+        cut_short: Option<StopReason>,
     ) -> Result<(usize, Found), RunError> {
         let clock = Instant::now();
         record(now, &self.best, setup, self.task)?;
@@ -177,19 +165,19 @@ impl LookSearch<'_, '_> {
         let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
         self.log_time("attainability", clock)?;
         let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
-        let stop = if is_interrupted { StopReason::Interrupted } else { stop };
-        Ok((index, Found { u, check, evaluations, stop, reach }))
+        Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach }))
     }
 }
 
-/// Evaluators of a task's whole picture and, if possible, of a smaller one.
+/// Evaluators of f_q on the whole picture and on the reduced one; twice the same where there is no reduced
+/// one.
 pub fn evaluators<'e>(now: &'e WorkingBasis, setup: Setup<'e>, task: &'e Task) -> [Evaluator<'e>; 2] {
     let whole = now.evaluator(setup, &task.objective);
     let reduced = task.reduced.as_ref().map_or(whole, |objective| now.reduced(setup, objective));
     [whole, reduced]
 }
 
-/// What the record says of a start and of what became of it.
+/// Line of the record about a start and its end.
 pub fn start_line(t: &Trial, variables: &ParamVector) -> Value {
     json!({
         "start": t.name,
@@ -203,7 +191,7 @@ pub fn start_line(t: &Trial, variables: &ParamVector) -> Value {
     })
 }
 
-/// Writes the evaluations that led to the result, and a picture of each improvement.
+/// Records the evaluations that led to the result, with a picture of each that improved on the best.
 fn record(basis: &WorkingBasis, best: &Polished, setup: Setup, task: &mut Task) -> Result<(), RunError> {
     let (variables, options) = (setup.variables, setup.options);
     let Task { job, objective, dir, .. } = task;
@@ -250,7 +238,7 @@ fn record(basis: &WorkingBasis, best: &Polished, setup: Setup, task: &mut Task) 
             let shown = objective.evaluate(&display);
             let attribute = attribute(setup, target, u, &shown, basis.samples());
             let mut line = lines[i].clone();
-            // Of the picture as it is, noise included: what `evaluate` finds in the file.
+            // f_q of the picture, noise included: what `evaluate` finds in the file.
             line["f_q_picture"] = shown.f_q.into();
             (line, picture::exr(&picture, setup.aovs, &names, exposure, options.luminance, attribute))
         })
@@ -265,7 +253,7 @@ mod tests {
 
     #[test]
     fn looks_share_the_step_that_serves_all() {
-        let next = |wishes: &[Step]| Step::for_all(wishes, 16);
+        let next = |steps: &[Step]| Step::for_all(steps, 16);
         assert_eq!(next(&[Step::Check, Step::Check]), Step::Check);
         assert_eq!(next(&[Step::Check, Step::Search]), Step::Search);
         assert_eq!(next(&[Step::Search, Step::Add(4), Step::Add(12)]), Step::Add(12));

@@ -1,4 +1,4 @@
-//! `run.toml`: everything resolved, enough to run it again.
+//! `run.toml`: all options as they were resolved, enough to repeat a run.
 
 use std::path::Path;
 
@@ -14,6 +14,7 @@ use crate::{
     variables::{FreeKinds, ParamVector},
 };
 
+/// Contents of a manifest.
 #[derive(Serialize)]
 struct Manifest<'a> {
     schema: u32,
@@ -24,6 +25,7 @@ struct Manifest<'a> {
     variables: &'a ParamVector,
 }
 
+/// The program, its build and the ray tracer.
 #[derive(Serialize)]
 struct Program {
     name: &'static str,
@@ -37,6 +39,7 @@ struct Program {
     profile: &'static str,
 }
 
+/// The scene.
 #[derive(Serialize)]
 struct SceneFacts<'a> {
     path: String,
@@ -47,6 +50,7 @@ struct SceneFacts<'a> {
     exposure: f32,
 }
 
+/// Options of the run, in the words of the command line.
 #[derive(Serialize)]
 struct Options<'a> {
     gradient: Gradient,
@@ -55,8 +59,8 @@ struct Options<'a> {
     tolerance: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     time_limit: Option<f64>,
-    /// Names of all targets of the run, when there are several: what is found for one depends, within
-    /// its error, on the others.
+    /// Names of all targets of the run, if there are several: the result for one depends on the others,
+    /// within its error.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     targets: Vec<&'a str>,
     memory_mib: u64,
@@ -74,7 +78,7 @@ struct Options<'a> {
     max_evaluations: u32,
 }
 
-/// Hash of the bytes of a scene file and its sidecar.
+/// Hash of the bytes of a scene file and its sidecar, in hexadecimal.
 #[must_use]
 pub fn content(scene_path: &Path) -> String {
     let hash = [scene_path.to_path_buf(), scene_path.with_extension("toml")]
@@ -95,7 +99,7 @@ pub fn content(scene_path: &Path) -> String {
     format!("{hash:016x}")
 }
 
-/// The text of the manifest.
+/// Text of the manifest of a look, as TOML.
 ///
 /// # Errors
 /// When a value cannot be written as TOML.

@@ -12,6 +12,7 @@ pub mod attainable;
 mod basis_search;
 mod check;
 mod coordinates;
+mod deadline;
 mod differences;
 pub mod evaluator;
 mod look;

@@ -1,36 +1,36 @@
-//! Who follows a run.
+//! Observers of a run.
 
 use crate::integrator::Observer;
 
-/// Follows a run.
+/// An observer of a run.
 pub trait Reporter: Observer {
-    /// A fact worth a line.
+    /// Called with a fact about the run that is worth a line.
     fn note(&self, text: &str);
-    /// A stage begins; it will render `rows` rows of pixels, when known.
+    /// Called when a stage begins, with the number of rows of pixels that it will render, if known.
     fn stage(&self, name: &str, rows: Option<u64>);
-    /// An evaluation of the optimiser is done.
+    /// Called after each evaluation of f_q in paper mode.
     fn evaluated(&self, progress: &Progress);
 }
 
-/// State of the optimisation.
+/// State of an optimisation in paper mode.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// Evaluations so far.
+    /// Number of evaluations so far.
     pub evaluation: u32,
-    /// The most there will be.
+    /// Upper bound of the number of evaluations.
     pub max_evaluations: u32,
-    /// Improvements so far.
+    /// Number of evaluations so far that improved on the best.
     pub iterations: u32,
-    /// f_q of this evaluation.
+    /// f_q of the last evaluation.
     pub f_q: f64,
     /// Best f_q so far.
     pub best: f64,
-    /// Renders so far.
+    /// Number of renders so far.
     pub renders: u64,
 }
 
-/// Passes progress on but not an interrupt: that ends the optimisation, and what was found is
-/// still rendered.
+/// An observer that passes progress on but never stops a render: an interrupt ends the optimisation
+/// between renders, so that their results are whole.
 pub(super) struct Unstoppable<'a, R>(pub &'a R);
 
 impl<R: Reporter> Observer for Unstoppable<'_, R> {

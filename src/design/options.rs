@@ -1,11 +1,10 @@
-//! What a run is asked, what it answers, and how it fails.
+//! Options, reports and errors of a run.
 
 use std::{
     path::{Path, PathBuf},
     time::Duration,
 };
 
-use clap::ValueEnum;
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
@@ -21,62 +20,63 @@ use crate::{
     sampler::SamplerKind,
     scene::Scene,
     transport::store::StoreError,
-    variables::{FreeKinds, ParamVector, SurveyError, Wishes},
+    variables::{Constraints, FreeKinds, ParamVector, SurveyError},
 };
 
-/// How gradients are found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+/// Source of the gradients of f_q.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Gradient {
-    /// Exact, on the transport basis: one render, many starts
+    /// Exact derivatives on the transport basis, rendered once for many starts.
     #[default]
     Basis,
-    /// Forward differences of fresh renders, from one start (the paper's way)
+    /// Forward differences of fresh renders from one start, as in \[PG14\]: paper mode.
     Fd,
 }
 
-/// A look wanted, and where to record how it was found.
+/// A look to be found, and the directory that records how it was found.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The look.
+    /// Target of the look.
     pub target: Target,
-    /// The run directory.
+    /// Run directory.
     pub out: PathBuf,
 }
 
-/// What is to be lit.
+/// A scene to be lit.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its file, for the record.
+    /// Path of the scene file, for the record.
     pub path: &'a Path,
-    /// The lighting that its author gave it.
+    /// Lighting that the scene's author gave it.
     pub authored: &'a Lighting,
-    /// What its author wishes of the variables.
-    pub wishes: &'a Wishes,
+    /// Constraints that the scene's author sets on the variables.
+    pub constraints: &'a Constraints,
 }
 
-/// What a run is asked to do.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// The looks wanted; all from one basis.
+    /// Looks to be found, all from one basis.
     pub jobs: Vec<Job>,
-    /// How gradients are found.
+    /// Source of the gradients of f_q.
     pub gradient: Gradient,
-    /// Whether the whole box is searched too, on the basis.
+    /// Whether the whole box of the variables is also searched on the basis, without starts or gradients.
     pub global: bool,
-    /// Error of f_q (95 %) at which no more samples are added.
+    /// Half width of the 95 % interval of f_q at which no more samples are added.
     pub tolerance: f64,
-    /// Time after which no more samples are added for targets that are optimised together.
+    /// Time that the whole run may take from when its scene is loaded: search, checks and pictures;
+    /// one pass of each is made in any case.
     pub time_limit: Option<Duration>,
-    /// Where bases are kept for later runs.
+    /// Directory that keeps bases for later runs; `None` to keep none.
     pub cache: Option<PathBuf>,
-    /// Most memory of a basis, bytes.
+    /// Upper bound of the memory of transport bases, bytes.
     pub memory: u64,
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: Integrator,
-    /// Sample sequences.
+    /// Family of sample sequences.
     pub sampler: SamplerKind,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
@@ -84,43 +84,43 @@ pub struct RunOptions {
     pub size: UVec2,
     /// Size at which the lights are optimised, pixels.
     pub work_size: UVec2,
-    /// Samples per pixel of the first basis, or of every working render in paper mode; where
-    /// none are given, the latter as many as the tolerance needs.
+    /// Samples per pixel of the first basis, or of every working render in paper mode; `None` for a fixed
+    /// number for the former, and for as many as the tolerance needs for the latter.
     pub spp: Option<u32>,
     /// Samples per pixel of the final picture.
     pub final_spp: u32,
-    /// What may vary.
+    /// Kinds of variables that are free.
     pub free: FreeKinds,
-    /// Seed of everything.
+    /// Seed of all samples and of the search.
     pub seed: u64,
-    /// Evaluations of f_q with its gradient, at most; in paper mode.
+    /// Upper bound of the evaluations of f_q with its gradient in paper mode.
     pub max_evaluations: u32,
-    /// Replace earlier runs.
+    /// Whether earlier runs in the directories are replaced.
     pub force: bool,
 }
 
-/// What a run found.
+/// Result of a run for one look.
 #[derive(Debug)]
 pub struct RunReport {
     /// f_q at the start, from a render of its own.
     pub initial: JackknifeEstimate,
     /// f_q of the lights found, from the check render.
     pub check: JackknifeEstimate,
-    /// f_q and terms of the final picture.
-    pub last: Evaluation,
-    /// The variables.
+    /// f_q and terms of the final picture; `None` where an interrupt left no time for one.
+    pub last: Option<Evaluation>,
+    /// Free variables.
     pub variables: ParamVector,
-    /// Their values.
+    /// Values of the variables, in their order.
     pub x: Vec<f64>,
-    /// Renders made, all sizes.
+    /// Number of renders so far in the run, of all sizes.
     pub renders: u64,
-    /// Evaluations of f_q with its gradient.
+    /// Number of evaluations of f_q with its gradient.
     pub evaluations: u32,
-    /// Why the optimisation ended.
+    /// Reason why the optimisation ended.
     pub stop: StopReason,
-    /// What of each term the lights can reach; empty in paper mode.
+    /// Range of each term within reach of the lights; empty in paper mode.
     pub reach: Vec<Reach>,
-    /// Why the result may not be what was meant.
+    /// Reason why the result may not be what was meant.
     pub caution: Option<String>,
     /// Wall time from the beginning of the run, s.
     pub seconds: f64,

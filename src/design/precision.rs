@@ -1,39 +1,44 @@
-//! When samples are enough.
+//! Precision that is asked of an estimate of f_q, and the samples it needs.
 
 use crate::objective::JackknifeEstimate;
 
-/// Samples per pixel after which no more are added, of all replicates.
+/// Samples per pixel of all replicates after which no more are added, so that a tolerance that cannot be
+/// met ends some time: the noise is then a sixteenth of that with [`MIN_SAMPLES`] at most.
 pub const MAX_SAMPLES: u32 = 4096;
 
-/// Samples per pixel with which an estimate may be trusted, of all replicates. Of fewer, errors
-/// are too uncertain and corrections of terms cancel.
-pub const LEAST_SAMPLES: u32 = 16;
-/// Samples that are aimed at what the first ones found.
+/// Samples per pixel of all replicates with which an estimate may be trusted. On the fruit basket in
+/// low-key the error bar covered 67 % with 8, where corrections of the terms cancel and their bias
+/// stays, 97 % with 12 and 100 % with 16; at another lighting 77 % with 12, 93 % with 16.
+pub const MIN_SAMPLES: u32 = 16;
+/// Samples per pixel that are aimed at the lights found by the first ones. True f_q on the fruit basket
+/// over 24 seeds, mean (worst): high-key .1363 (.1386) and low-key .5850 (.5864), with 16 samples .1365
+/// (.1384) and .5850 (.5862).
 pub const AIMED_SAMPLES: u32 = 12;
 
-/// What is asked of an estimate.
+/// Bounds of the error of an estimate.
 #[derive(Clone, Copy, Debug)]
 pub struct Precision {
-    /// Half width of the 95 % interval, at most.
+    /// Upper bound of the half width of the 95 % interval.
     half_width: f64,
-    /// Noise correction, at most.
+    /// Upper bound of the noise correction.
     correction: f64,
 }
 
 impl Precision {
-    /// Of an f_q that is reported.
+    /// Precision of an f_q that is reported: the tolerance for the half width, twice as much for the noise
+    /// correction, of which the jackknife leaves a part only.
     pub fn reported(tolerance: f64) -> Self {
         Self { half_width: tolerance, correction: 2.0 * tolerance }
     }
 
-    /// Of one by which lights are chosen: a third of that. Near an optimum f_q hardly depends on
-    /// where exactly it is sought, what is minimised reckons with its errors, and what is reported
-    /// comes from other samples.
+    /// Precision of an f_q by which lights are chosen: a third of that of a reported one. Near an optimum
+    /// f_q hardly depends on the exact point, the function minimised allows for its errors, and what is
+    /// reported comes from other samples.
     pub fn choosing(tolerance: f64) -> Self {
         Self::reported(3.0 * tolerance)
     }
 
-    /// Of what finite differences minimise, uncorrected: half of that.
+    /// Precision of an f_q that finite differences minimise uncorrected: half of that of a reported one.
     pub fn differences(tolerance: f64) -> Self {
         Self::reported(2.0 * tolerance)
     }
@@ -43,40 +48,46 @@ impl Precision {
         e.half_width <= self.half_width && e.correction.abs() <= self.correction
     }
 
-    /// Whether f_q uncorrected is, in which the noise's bias is an error like any other.
+    /// Whether the uncorrected f_q is precise enough, where the bias by noise is an error like any other.
     pub fn is_met_uncorrected(&self, e: &JackknifeEstimate) -> bool {
         e.error_bar() <= self.half_width
     }
 
-    /// Samples to add to `n` that it may be.
+    /// Samples to add to `n` for the uncorrected f_q to be precise enough.
     pub fn more_uncorrected(&self, n: u32, e: &JackknifeEstimate) -> u32 {
         added(n, e.error_bar() / self.half_width)
     }
 
-    /// Factor on the samples that would make it so. The variance of scrambled nets falls as the
-    /// power −3/2 of their number where the integrand has edges \[He15\], and with it the
-    /// correction of f_q.
-    pub fn needed(&self, e: &JackknifeEstimate) -> f64 {
+    /// Factor on the number of samples that makes an estimate precise enough. The variance of scrambled nets
+    /// falls as the power −3/2 of their number where the integrand has edges \[He15\], and with it the
+    /// noise correction.
+    pub fn sample_factor(&self, e: &JackknifeEstimate) -> f64 {
         let (error, bias) = (e.half_width / self.half_width, e.correction.abs() / self.correction);
         error.powf(4.0 / 3.0).max(bias.powf(2.0 / 3.0))
     }
 
-    /// Samples to add to `n` that it may be.
+    /// Samples to add to `n` for an estimate to be precise enough.
     pub fn more(&self, n: u32, e: &JackknifeEstimate) -> u32 {
-        added(n, self.needed(e))
+        added(n, self.sample_factor(e))
     }
 }
 
-/// As many as are needed, but not too many on the word of few.
-fn added(n: u32, needed: f64) -> u32 {
-    let wanted = f64::from(n) * needed.clamp(1.2, 2.5);
+/// Least and largest factor by which samples are multiplied at a time: less than a fifth more changes
+/// little, and an estimate at a point that noise has chosen may ask for far too many (620 in a glass bowl
+/// where 40 were enough).
+const FACTOR_RANGE: [f64; 2] = [1.2, 2.5];
+
+/// Samples to add to `n`, where `factor` times as many are needed.
+fn added(n: u32, factor: f64) -> u32 {
+    let [least, most] = FACTOR_RANGE;
+    let wanted = f64::from(n) * factor.clamp(least, most);
     (wanted.ceil() as u32).min(MAX_SAMPLES).saturating_sub(n)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objective::{N_SCALARS, Objective, Target};
+    use crate::objective::{Objective, Target};
 
     fn estimate(half_width: f64, correction: f64) -> JackknifeEstimate {
         let target = Target::resolve("high-key").unwrap();
@@ -89,7 +100,7 @@ mod tests {
             standard_error: 0.0,
             half_width,
             correction,
-            residual_errors: [0.0; N_SCALARS],
+            residual_errors: vec![0.0; objective.scalars().count()],
             replicates: 4,
         }
     }

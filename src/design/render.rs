@@ -1,4 +1,6 @@
-//! A picture measured: replicates, their mean, and f_q with its error.
+//! Pictures in replicates, and their f_q with its error.
+
+use std::time::{Duration, Instant};
 
 use crate::{
     film::{Picture, RgbFilm},
@@ -11,10 +13,10 @@ use crate::{
     sampler::SamplerKind,
 };
 
-/// How pictures are rendered and measured.
+/// Integrator, sampler and measure of luminance with which pictures are rendered and measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Renderer {
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: Integrator,
     /// Family of sample sequences.
     pub sampler: SamplerKind,
@@ -22,14 +24,14 @@ pub struct Renderer {
     pub luminance: LuminanceMode,
 }
 
-/// The samples of a picture.
+/// Samples of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
     /// Seed of the scrambles.
     pub seed: u64,
     /// Samples per pixel over all replicates.
     pub spp: u32,
-    /// Number of replicates; each gets `spp / n_replicates` samples, at least one.
+    /// Number of replicates, each of `spp / n_replicates` samples, at least 1.
     pub n_replicates: u32,
 }
 
@@ -38,18 +40,20 @@ pub struct Budget {
 pub struct MeasuredPicture {
     /// Mean over the replicates.
     pub picture: Picture,
-    /// Linear radiance per replicate and pixel.
+    /// Linear radiance of each replicate, row by row.
     replicates: Vec<Vec<[f32; 3]>>,
+    /// Factor on luminance before display encoding.
     exposure: f64,
+    /// Measure of luminance.
     luminance: LuminanceMode,
 }
 
-/// f_q of a picture.
+/// f_q of a picture, with and without its noise bias.
 #[derive(Clone, Debug)]
 pub struct Measurement {
-    /// f_q and terms of the mean picture as it is, noise included.
+    /// f_q and terms of the mean picture, noise included.
     pub plain: Evaluation,
-    /// f_q and terms freed of noise bias, with their error.
+    /// f_q and terms corrected for noise bias, with their error.
     pub estimate: JackknifeEstimate,
 }
 
@@ -94,7 +98,70 @@ impl Renderer {
     }
 }
 
-/// Mean of the pictures.
+/// Time that a pass of a picture should take: an interrupt waits for no more.
+const PASS: Duration = Duration::from_millis(700);
+
+/// A picture that was rendered in passes.
+#[derive(Debug)]
+pub struct PassedPicture {
+    /// The picture so far.
+    pub picture: Picture,
+    /// Samples per pixel that it has.
+    pub spp: u32,
+}
+
+impl Renderer {
+    /// Renders the picture of a lighting in passes, of `budget.spp` samples per pixel in all or, once
+    /// `is_over` says so between two passes, of those so far. The passes do not change the picture:
+    /// its samples are added in the same order. The observer may cancel the first pass only, after
+    /// which there is a picture.
+    ///
+    /// # Errors
+    /// As [`Integrator::render`].
+    pub fn render_in_passes(
+        &self,
+        view: View,
+        lighting: &Lighting,
+        plan: &SamplingPlan,
+        budget: Budget,
+        is_over: &dyn Fn() -> bool,
+        observer: &impl Observer,
+    ) -> Result<PassedPicture, RenderError> {
+        let mut film = RgbFilm::by_light(view.camera.size(), lighting);
+        let all = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count: budget.spp.max(1) };
+        let (mut spp, mut count) = (0, 1);
+        while spp < all.count && !(spp > 0 && is_over()) {
+            let clock = Instant::now();
+            let samples = Samples { first: spp, count: count.min(all.count - spp), ..all.replicate(0) };
+            let each = EachSample { observer, count: u64::from(samples.count), may_stop: spp == 0 };
+            self.integrator.render(view, lighting, plan, &mut film, samples, &each)?;
+            spp += samples.count;
+            let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);
+            count = (PASS.as_secs_f64() / per_sample.max(1e-9)).clamp(1.0, 1e6) as u32;
+        }
+        Ok(PassedPicture { picture: film.develop(lighting, spp), spp })
+    }
+}
+
+/// An observer that counts a row once for each sample.
+struct EachSample<'a, O> {
+    observer: &'a O,
+    /// Samples per pixel of the pass.
+    count: u64,
+    /// Whether the observer may cancel the pass.
+    may_stop: bool,
+}
+
+impl<O: Observer> Observer for EachSample<'_, O> {
+    fn advance(&self, rows: u64) {
+        self.observer.advance(rows * self.count);
+    }
+    fn cancelled(&self) -> bool {
+        self.may_stop && self.observer.cancelled()
+    }
+}
+
+/// Mean of pictures, pixel by pixel.
 fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
     let n = images.len() as f64;
     (0..images[0].len())
@@ -109,13 +176,13 @@ impl MeasuredPicture {
         self.luminance.encode_image(&self.picture.rgb, self.exposure)
     }
 
-    /// f_q and terms of the mean picture, smoothed.
+    /// Smoothed f_q of the mean picture.
     #[must_use]
     pub fn smoothed(&self, objective: &Objective, smoothing: &Smoothing) -> f64 {
         objective.evaluate_smooth(&self.display(), smoothing, None).f_q
     }
 
-    /// f_q of the mean picture, plain and freed of noise bias.
+    /// f_q of the mean picture, with and without its noise bias.
     ///
     /// # Errors
     /// With fewer than two replicates.

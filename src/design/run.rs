@@ -1,4 +1,4 @@
-//! A whole run.
+//! The driver of a run: survey, optimisation, check and final pictures of all looks.
 
 use std::time::{Duration, Instant};
 
@@ -6,24 +6,23 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search, differences,
-    look::Found,
-    manifest, pictures,
-    setup::{Setup, Stage, Task},
-    working_basis::{BasisPlan, REDUCTION, WorkingBasis},
+    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search,
+    deadline::Deadline,
+    differences, manifest, pictures,
+    precision::Precision,
+    setup::{Found, Setup, Stage, Task},
+    working_basis::{BasisPlan, MAX_TOGETHER, REDUCTION, WorkingBasis},
 };
 use crate::{
-    audit::RunDir,
+    audit::{AuditError, RunDir},
+    files::atomic::{probe, sweep},
     integrator::{View, aov},
-    light::SizeDensity,
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
+    scene::Scene,
     variables::{Fitted, Survey},
 };
 
-/// Targets optimised together at most: each has its own part of the samples.
-pub(super) const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
-
-/// Runs the whole design of a scene and records it; a report per job.
+/// Finds the lights of all looks that are asked for and records how; returns a report for each job.
 ///
 /// # Errors
 /// When the scene cannot be optimised, rendered or recorded. What was recorded
@@ -34,8 +33,8 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    check_outputs(options)?;
-    let Subject { scene, wishes, .. } = subject;
+    let Subject { scene, constraints, .. } = subject;
+    check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
     let aovs = aov::trace(view, 1.0);
@@ -47,10 +46,12 @@ pub fn run(
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
     let (content, fitted) =
-        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, wishes));
+        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, constraints));
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
-    let stage = Stage { scene, camera: &camera, fitted: &fitted, wishes, aovs: &aovs, options };
+    let deadline = Deadline::new(start, options.time_limit);
+    let stage =
+        Stage { scene, camera: &camera, fitted: &fitted, constraints, aovs: &aovs, options, deadline };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {
@@ -62,7 +63,7 @@ pub fn run(
         None => differences::unit_picture(&stage, reporter)?,
         Some(basis) => basis.unit_picture(),
     };
-    let survey = Survey::new(scene, &fitted, wishes, &options.free, options.luminance, &unit);
+    let survey = Survey::new(scene, &fitted, constraints, &options.free, options.luminance, &unit);
     let variables = survey.variables()?;
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };
@@ -81,27 +82,30 @@ pub fn run(
     Ok(reports.done)
 }
 
-/// Proves that the run may be recorded where it is asked to.
-fn check_outputs(options: &RunOptions) -> Result<(), RunError> {
+/// Checks that the run can be recorded in its directories and in its cache.
+fn check_outputs(options: &RunOptions, scene: &Scene) -> Result<(), RunError> {
     for job in &options.jobs {
         RunDir::check(&job.out, options.force)?;
     }
     if let Some(path) = &options.cache {
         std::fs::create_dir_all(path).map_err(|source| RunError::Cache { path: path.clone(), source })?;
+        sweep(path, |name| name.ends_with(".basis"));
+        probe(&path.join(BasisPlan::any_file_name(scene))).map_err(AuditError::from)?;
     }
     Ok(())
 }
 
-/// What the manifest of every look says of the run.
+/// Facts about a run with which the record of every look begins.
 struct Record<'a> {
+    /// Scene with its file.
     subject: Subject<'a>,
-    /// Hash of the scene's files.
+    /// Hash of the scene file and its sidecar.
     content: &'a str,
-    /// Time that the survey took.
+    /// Time that the survey took, with the first samples of the basis.
     surveyed: Duration,
 }
 
-/// Opens a job's record and finds out where its search may begin.
+/// Opens the run directory of a job and makes the starts of its search.
 fn begin<'a>(
     job: &'a Job,
     objective: &Objective,
@@ -119,16 +123,16 @@ fn begin<'a>(
     Ok(Task { job, objective: objective.clone(), reduced, starts, dir })
 }
 
-/// The reports so far.
+/// Reports of the looks that are finished.
 struct Reports {
-    /// When the run began.
+    /// Beginning of the run.
     start: Instant,
-    /// Renders so far, all sizes.
+    /// Number of renders so far, of all sizes.
     renders: u64,
     done: Vec<RunReport>,
 }
 
-/// Finds the lights of some looks, from one basis or one after the other in paper mode, and renders
+/// Finds the lights of some looks, from one basis or in paper mode one after the other, and renders
 /// them at full size.
 fn find_together(
     mut tasks: Vec<Task>,
@@ -156,13 +160,17 @@ fn find_together(
             .collect::<Result<_, _>>()?,
     };
     let seconds = clock.elapsed().as_secs_f64();
+    // Everything found is on disk before any picture is begun.
+    for (task, found) in tasks.iter().zip(&found) {
+        pictures::write_lights(task, &found.u, setup)?;
+    }
     for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
         finish(task, found, initial, seconds, setup, reports, reporter)?;
     }
     Ok(())
 }
 
-/// f_q where every search begins, by the basis or from a render of its own.
+/// f_q of every look at the neutral start, from the basis or in paper mode from a render of its own.
 fn measure_starts(
     tasks: &[Task],
     setup: Setup,
@@ -177,7 +185,7 @@ fn measure_starts(
     Ok(tasks.par_iter().map(measure).collect::<Result<_, _>>()?)
 }
 
-/// Renders what was found at full size and reports it.
+/// Renders the lights found for a look at full size and adds its report.
 fn finish(
     mut task: Task,
     found: Found,
@@ -190,17 +198,21 @@ fn finish(
     let Found { u, check, evaluations, stop, reach } = found;
     let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
     reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
-    let caution = attainable::degenerate(&check.evaluation, setup.variables, &x);
-    caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+    let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
+    degenerate.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
     task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
-    let last = pictures::take(&task, &u, setup, reporter)?;
+    let looks_left = setup.options.jobs.len() - reports.done.len();
+    let last = pictures::take(&task, &u, setup, 1.0 / looks_left as f64, reporter)?;
+    let lacking = lacking(&check, last.as_ref(), setup);
+    lacking.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+    let caution = degenerate.into_iter().chain(lacking).reduce(|all, line| format!("{all}; {line}"));
     reports.renders += 2;
     let seconds = reports.start.elapsed().as_secs_f64();
     task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
     reports.done.push(RunReport {
         initial,
         check,
-        last,
+        last: last.map(|last| last.evaluation),
         variables: setup.variables.clone(),
         x,
         renders: reports.renders,
@@ -211,4 +223,21 @@ fn finish(
         seconds,
     });
     Ok(())
+}
+
+/// Sentence about the precision and the samples that a result lacks because of its deadline; `None` if it
+/// lacks nothing.
+fn lacking(check: &JackknifeEstimate, last: Option<&pictures::Last>, setup: Setup) -> Option<String> {
+    let options = setup.options;
+    let limit = options.time_limit?;
+    let mut lacks = Vec::new();
+    let (error, asked) = (check.error_bar(), options.tolerance);
+    if !Precision::reported(asked).is_met(check) {
+        lacks.push(format!("f_q is known to {error:.4} only, {asked} was asked for"));
+    }
+    if let Some(last) = last.filter(|last| last.spp < options.final_spp) {
+        lacks.push(format!("the picture has {} of {} samples a pixel", last.spp, options.final_spp));
+    }
+    let seconds = limit.as_secs_f64();
+    (!lacks.is_empty()).then(|| format!("the time limit of {seconds} s was too short: {}", lacks.join(", ")))
 }

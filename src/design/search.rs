@@ -1,12 +1,11 @@
-//! Many starts on the basis: screened cheaply, few polished.
+//! Multi-start search on a basis: many starts are screened cheaply, few ends are polished.
 //!
-//! Starts are the given ones and points of a low-discrepancy set. All are
-//! measured on a reduced picture; the best of them that lie apart descend there, smoothed.
-//! Which of the ends is best the whole picture tells: the best of them settle there in the kinks
-//! of f_q, and the best of these goes on, by what is expected of the terms with their errors. With
-//! more samples the same ends settle anew. All descents move in [coordinates](super::coordinates) in
-//! which a light keeps its flux. What wins is the f_q, unsmoothed and freed of noise bias, whose
-//! error bar ends lowest; among few samples, which others will follow, half of the bar counts.
+//! Starts are the given ones and the points of a low-discrepancy set. All are measured on a reduced
+//! picture, and the best of them that lie apart descend there with smoothed terms. The best ends on the
+//! whole picture settle there in the kinks of f_q. The one with the least upper end of its error bar, of
+//! f_q unsmoothed and corrected for noise bias, goes on to the least f_q expected with the terms' errors;
+//! with few samples, which others will follow, half of the bar counts. With more samples the same ends
+//! settle anew. All descents move in [coordinates](super::coordinates) in which a light keeps its flux.
 
 use std::ops::ControlFlow;
 
@@ -17,103 +16,118 @@ use super::{
     evaluator::{Evaluator, Scratch},
 };
 use crate::{
-    objective::{JackknifeEstimate, LABELLINGS, N_SCALARS, Smoothing},
+    objective::{JackknifeEstimate, LABELLINGS, Smoothing},
     optim::{self, Interrupt, Method, OptimError, StopReason},
 };
 
-/// Points of the low-discrepancy set.
+/// Points of the low-discrepancy set that are screened. Twice as many, with longer descents and more
+/// samples, ended at a true f_q of .1346 in high-key on the fruit basket (mean of 24 seeds) where a half of
+/// all that ended at .1355 to .1359; trying sizes makes up for most of it.
 const N_POINTS: u32 = 256;
-/// Starts that descend on the reduced picture.
+/// Starts that descend on the reduced picture. With 8 of them and shorter polishing the true f_q of
+/// high-key was .1362, worst .1407, with 16 it is .1353, worst .1379 (fruit basket, 24 seeds), for .12 s.
 const N_COARSE: usize = 16;
-/// Points nearer than this to a better one in all directions, in units of the box, are left.
-const APART: f64 = 0.1;
-/// Evaluations of each stage of a descent on the reduced picture.
+/// Distance from a better point, in the direction in which they differ most and in units of the box, below
+/// which a point is left out: more of it spreads few descents over the box, less follows several good
+/// points of one valley. Set by reasoning.
+const MIN_DISTANCE: f64 = 0.1;
+/// Evaluations of each stage of a descent on the reduced picture. 40 were used before; half of them, with
+/// half the starts, gave .1355 in high-key where all gave .1346 (fruit basket, 24 seeds).
 const EVALUATIONS: u32 = 20;
-/// Change of f_q below which a descent on the whole picture is settled, before it goes on and at
-/// last: to one side of a kink f_q hardly changes.
+/// Change of f_q below which an end on the whole picture has settled, before ends are compared: 1e-5 was
+/// used before and only took more evaluations.
 const SETTLED: f64 = 1e-4;
+/// Change of f_q below which the best end has settled at last: on one side of a kink f_q hardly changes, so
+/// that [`SETTLED`] would stop there too early. Its evaluations are limited in any case.
 const SETTLED_WELL: f64 = 1e-6;
-/// Sizes of a light that are tried, and the most lights of which they are.
+/// Sizes of a light that are tried at constant flux: with sizes in a range of 20 they are 65 % apart. From a
+/// hard rim light to a soft one high-key's f_q falls from .1424 to .1369, too slowly for a descent in noise.
 const N_SIZES: u32 = 7;
+/// Upper bound of the number of lights whose sizes are tried, the strongest first: each costs [`N_SIZES`]
+/// evaluations. Set by reasoning.
 const N_SIZED: usize = 8;
-/// Evaluations of a search over the whole box.
+/// Evaluations of a search over the whole box: a check that the starts missed nothing, which must be long to
+/// prove anything. Set by reasoning.
 const GLOBAL_EVALUATIONS: u32 = 20_000;
-/// Share of a noise correction that counts as an error when ends are compared.
+/// Share of the noise correction that counts as an error when ends are compared, since the jackknife leaves
+/// a part of the bias: all of it favoured lights that make no noise, none chose bad ends more often.
 const BIAS_LEFT: f64 = 0.5;
 
-/// How hard ends are polished.
+/// Effort with which ends are polished.
 pub struct Effort {
-    /// Those that settle.
+    /// Number of ends that settle.
     ends: usize,
-    /// Evaluations of each of them, and of the best when it goes on.
+    /// Upper bounds of the evaluations of each end that settles, and of the best when it goes on.
     evaluations: [u32; 2],
-    /// Whether the best tries other sizes before it goes on: not where samples are aimed, for few are
-    /// then far away, and their noise would choose.
+    /// Whether the best end tries other sizes before it goes on: not where samples are aimed, since few are
+    /// then far away and their noise would choose.
     tries_sizes: bool,
-    /// Share of the errors that counts when ends are compared.
-    doubt: f64,
+    /// Share of the error bar that counts when ends are compared.
+    error_weight: f64,
 }
 
-/// Where samples are few: more will tell what is better.
-const ROUGH: Effort = Effort { ends: 3, evaluations: [15, 15], tries_sizes: true, doubt: 0.5 };
-/// Where they are enough.
-pub const THOROUGH: Effort = Effort { ends: 3, evaluations: [24, 48], tries_sizes: false, doubt: 1.0 };
-/// Standard errors from four replicates are themselves uncertain: what is known of a residual is
-/// Student's distribution of three degrees of freedom, whose standard deviation is this.
-const STUDENT: f64 = 1.732_050_8;
+/// Effort in a basis of few samples, where more will decide between ends. Two ends and half of the error bar
+/// were chosen on the fruit basket; a third end was added with the longer polishing of [`N_COARSE`].
+const ROUGH: Effort = Effort { ends: 3, evaluations: [15, 15], tries_sizes: true, error_weight: 0.5 };
+/// Effort in a basis whose samples are enough. See [`N_COARSE`] for what it gained.
+pub const THOROUGH: Effort = Effort { ends: 3, evaluations: [24, 48], tries_sizes: false, error_weight: 1.0 };
+/// Standard deviation of Student's distribution of three degrees of freedom, √3, by which a standard error
+/// from four replicates is multiplied: it is itself uncertain.
+const STUDENT_DEVIATION: f64 = 1.732_050_8;
 
-/// A start and what became of it.
+/// A start with the ends that were found from it.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Where it comes from.
+    /// Name of the start.
     pub name: String,
-    /// The start.
+    /// Point of the unit cube at which it begins.
     pub start: Vec<f64>,
     /// Smoothed f_q of the start on the reduced picture.
     pub screened: f64,
-    /// The end of its descent there, if it was among the best.
+    /// End of its descent on the reduced picture; `None` if it was not among the best.
     pub end: Option<Vec<f64>>,
-    /// What followed on the whole picture, if it was among the best of those.
+    /// End of its descents on the whole picture; `None` if it was not among the best ends.
     pub polished: Option<Polished>,
-    /// Whether it was the best of them and went on.
+    /// Whether the trial is the best one, which goes on.
     pub leads: bool,
 }
 
-/// The end of a descent on the whole picture.
+/// End of the descents of a trial on the whole picture.
 #[derive(Clone, Debug)]
 pub struct Polished {
-    /// The point found.
+    /// Point found, in the unit cube.
     pub u: Vec<f64>,
-    /// f_q there.
+    /// f_q at that point, with its error.
     pub estimate: JackknifeEstimate,
-    /// Every evaluation: point, smoothed f_q and length of the gradient.
+    /// All evaluations: point, smoothed f_q and length of its gradient.
     pub evaluations: Vec<(Vec<f64>, f64, f64)>,
-    /// Why the last stage ended.
+    /// Reason why the last descent ended.
     pub stop: StopReason,
 }
 
 impl Polished {
-    /// The end of a later descent, with the evaluations of both.
+    /// The end `next` of a later descent, with the evaluations of both.
     #[must_use]
     pub fn followed_by(&self, next: &Self) -> Self {
         Self { evaluations: [self.evaluations.clone(), next.evaluations.clone()].concat(), ..next.clone() }
     }
 }
 
-/// Smoothing and the largest component of the first trial step of the stages.
+/// Stages of a descent on the reduced picture: smoothing δ of the moduli, and the largest component of the
+/// first trial step, which is smaller for the second since it begins near a minimum.
 const STAGES: [(f64, f64); 2] = [(Smoothing::DELTA_FIRST, 0.1), (5e-3, 0.02)];
 
-/// Points of a low-discrepancy set in the unit cube of `n` dimensions.
+/// The first `count` points of a scrambled Sobol set in the unit cube of `n` dimensions.
 pub fn spread(count: u32, n: usize, seed: u32) -> impl Iterator<Item = Vec<f64>> {
     let at = move |i| move |d| f64::from(sobol_burley::sample(i, d as u32 % 256, seed));
     (0..count).map(move |i| (0..n).map(at(i)).collect())
 }
 
-/// The first of the points in their order that lie apart, `count` at most.
+/// Indices of the first points in their order that lie apart by [`MIN_DISTANCE`], at most `count`.
 fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
     let mut kept: Vec<(usize, &[f64])> = Vec::new();
     for (i, p) in points {
-        let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > APART);
+        let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > MIN_DISTANCE);
         if kept.len() < count && kept.iter().all(|(_, q)| far(q)) {
             kept.push((i, p));
         }
@@ -121,9 +135,9 @@ fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> 
     kept.into_iter().map(|(i, _)| i).collect()
 }
 
-/// Searches from `starts` and from a low-discrepancy set; `reduced` is the same
-/// problem on a smaller picture. The trials come back in the order of their
-/// starts, with the number of evaluations on the whole picture; at least one is polished.
+/// Searches from `starts` and from a low-discrepancy set, where `reduced` evaluates f_q on the reduced
+/// picture. Returns the trials in the order of their starts, at least one of them polished, with the
+/// number of evaluations on the whole picture.
 ///
 /// # Errors
 /// When NLopt fails, or f_q is not a number.
@@ -158,8 +172,8 @@ pub fn search(
     Ok((trials, evaluations))
 }
 
-/// Settles the best of the ends on the whole picture, from where they were left, and returns the
-/// number of evaluations there.
+/// Settles the best ends of the trials on the whole picture, from where they were left; the best of them
+/// goes on. Returns the number of evaluations on the whole picture.
 ///
 /// # Errors
 /// As [`search`].
@@ -189,7 +203,7 @@ pub fn polish<'a>(
     });
     let settled: Vec<(usize, Polished)> = settled.collect::<Result<_, OptimError>>()?;
     let mut count: usize = settled.iter().map(|(_, p)| p.evaluations.len()).sum();
-    // What was polished with fewer samples does not compare.
+    // Ends that were polished with fewer samples do not compare.
     let mut earlier: Vec<Option<Polished>> = trials.iter_mut().map(|t| t.polished.take()).collect();
     for (i, p) in settled {
         trials[i].polished = Some(match earlier[i].take() {
@@ -197,7 +211,7 @@ pub fn polish<'a>(
             None => p,
         });
     }
-    let leader = leader(trials, effort.doubt)?;
+    let leader = leader(trials, effort.error_weight)?;
     for (i, trial) in trials.iter_mut().enumerate() {
         trial.leads = i == leader;
     }
@@ -218,10 +232,9 @@ pub fn polish<'a>(
     Ok(count as u32)
 }
 
-/// Takes the best of some sizes of each light in turn, that which gives most first, from all of
-/// its range that samples tell and at constant flux, and returns what it found with the number of points tried. Over
-/// the size of a light f_q often falls slowly but far: noise holds a descent, but not a glance at
-/// the whole range.
+/// Tries sizes from the whole range of each light at constant flux, the strongest light first, and keeps the
+/// best of each. Returns the point found and the number of points tried. Over the size of a light f_q
+/// often falls slowly but far, so that noise stops a descent, but not a comparison of distant sizes.
 fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
     let measure = |scratch: &mut Scratch<'a>, u: Vec<f64>| {
         let f = value(whole, &u, Smoothing::DELTA_LAST, scratch);
@@ -257,17 +270,18 @@ fn try_sizes<'a>(whole: &Evaluator<'a>, u: &[f64]) -> (Vec<f64>, usize) {
     (best.0, tried)
 }
 
-/// f_q with its error.
+/// f_q at the point `u`, with its error.
 fn estimate(whole: &Evaluator, u: &[f64]) -> Result<JackknifeEstimate, OptimError> {
     whole.estimate(u, LABELLINGS).map_err(|_| OptimError::NothingEvaluated)
 }
 
-/// Smoothed f_q.
+/// Smoothed f_q at the point `u`; infinite if it cannot be evaluated.
 fn value<'a>(evaluator: &Evaluator<'a>, u: &[f64], delta: f64, scratch: &mut Scratch<'a>) -> f64 {
     evaluator.evaluate(u, &Smoothing::with_delta(delta), None, scratch).unwrap_or(f64::INFINITY)
 }
 
-/// The best point of the whole box on the `reduced` problem, found without any start.
+/// Best point of the whole box on the reduced picture, found by dividing the box without any start, with the
+/// number of evaluations.
 ///
 /// # Errors
 /// As [`search`].
@@ -294,7 +308,7 @@ pub fn global(
     Ok((outcome.x, outcome.evaluations))
 }
 
-/// Settles around `u` by what is expected of the terms with their errors.
+/// Descends around `u` on the whole picture to the least f_q expected with the errors of the terms.
 ///
 /// # Errors
 /// As [`search`].
@@ -307,7 +321,7 @@ pub fn refine(
     settle(whole, &u, Some(&estimate(whole, &u)?), THOROUGH.evaluations[1], cancelled)
 }
 
-/// Descends with less and less smoothing.
+/// Descends on the reduced picture with less and less smoothing; returns the end.
 fn descend(
     evaluator: &Evaluator,
     start: &[f64],
@@ -320,8 +334,6 @@ fn descend(
         let smoothing = Smoothing::with_delta(delta);
         let options = optim::Options {
             max_evaluations: Some(EVALUATIONS),
-            f_tol_abs: 1e-6,
-            x_tol_abs: 1e-5,
             first_step: Some(first_step),
             ..Default::default()
         };
@@ -344,10 +356,10 @@ fn descend(
     Ok(at)
 }
 
-/// Goes from `u`, which samples tell, into the kinks of the terms' moduli and along them; or, where an estimate at `u`
-/// tells the errors of the terms, to the least f_q expected with them. Residuals are then those of
-/// all replicates, less their bias: on one side of a kink f_q often rises much faster than on the
-/// other, and a small error of the wrong sign costs much.
+/// Descends on the whole picture from `u`, which lies above the lower bounds, into the kinks of the terms'
+/// moduli and along them; or, with the estimate `known` at `u`, to the least f_q expected with the errors of
+/// the terms. Residuals are then those of all replicates, corrected for bias: on one side of a kink f_q
+/// often rises much faster than on the other, and a small error of the wrong sign costs much.
 fn settle(
     whole: &Evaluator,
     u: &[f64],
@@ -359,12 +371,12 @@ fn settle(
     let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
     let weights = whole.objective.scalar_weights();
     let mut scratch = Scratch::of_descent();
-    let (errors, defects) = match known {
-        None => ([0.0; N_SCALARS], [0.0; N_SCALARS]),
+    let (errors, corrections) = match known {
+        None => (vec![0.0; weights.len()], vec![0.0; weights.len()]),
         Some(estimate) => {
-            let defects = whole.defects(u, &smoothing, &mut scratch);
-            let defects = defects.map_err(|_| OptimError::NothingEvaluated)?;
-            (estimate.residual_errors.map(|e| STUDENT * e), defects)
+            let corrections = whole.residual_corrections(u, &smoothing, &mut scratch);
+            let corrections = corrections.map_err(|_| OptimError::NothingEvaluated)?;
+            (estimate.residual_errors.iter().map(|e| STUDENT_DEVIATION * e).collect(), corrections)
         }
     };
     let tolerance = if known.is_some() { SETTLED_WELL } else { SETTLED };
@@ -376,7 +388,7 @@ fn settle(
             if cancelled() || whole.residuals(u, &smoothing, moduli, &mut scratch).is_err() {
                 return ControlFlow::Break(Interrupt);
             }
-            moduli.residuals.iter_mut().zip(&defects).for_each(|(r, defect)| *r += defect);
+            moduli.residuals.iter_mut().zip(&corrections).for_each(|(r, correction)| *r += correction);
             log.push((u.to_vec(), moduli.value(&weights, &errors), moduli.slope(&weights, &errors)));
             moduli.gradients().for_each(|gradient| coordinates.pull_back(y, u, gradient));
             ControlFlow::Continue(())
@@ -390,7 +402,7 @@ fn settle(
     Ok(Polished { u, estimate, evaluations: log, stop })
 }
 
-/// The trial that went on, and what became of it.
+/// The best trial, with its end.
 ///
 /// # Errors
 /// When none is polished.
@@ -399,22 +411,19 @@ pub fn best(trials: &[Trial]) -> Result<(&Trial, &Polished), OptimError> {
     Ok((best, best.polished.as_ref().ok_or(OptimError::NothingEvaluated)?))
 }
 
-/// Lets the trial that leads go on to the end of a later descent, so that what is polished next begins
-/// there.
+/// Moves the best trial to the end `next` of a later descent, at which it is polished next.
 pub fn extend_best(trials: &mut [Trial], next: &Polished) {
     for polished in trials.iter_mut().filter(|trial| trial.leads).filter_map(|t| t.polished.as_mut()) {
         *polished = polished.followed_by(next);
     }
 }
 
-/// The polished trial of which the upper end of the error bar, of which a share counts, is the
-/// least: where f_q hardly differs, what is known best is the better choice. Of the noise correction
-/// a part counts, since the jackknife leaves a part of the bias; all of it would favour lights that
-/// make no noise.
-fn leader(trials: &[Trial], doubt: f64) -> Result<usize, OptimError> {
+/// Index of the polished trial with the least upper end of the error bar, of which the share `error_weight`
+/// counts: where f_q hardly differs, what is known best is the better choice.
+fn leader(trials: &[Trial], error_weight: f64) -> Result<usize, OptimError> {
     let most = |p: &Polished| {
         let e = &p.estimate;
-        e.evaluation.f_q + doubt * (e.half_width + BIAS_LEFT * e.correction.abs())
+        e.evaluation.f_q + error_weight * (e.half_width + BIAS_LEFT * e.correction.abs())
     };
     let polished = trials.iter().enumerate().filter_map(|(i, t)| Some((i, most(t.polished.as_ref()?))));
     let least = polished.min_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,22 +1,22 @@
-//! Seeds: independent samples for every use.
+//! Seeds of independent samples for each purpose.
 
 use crate::math::hash::hash_words;
 
-/// Independent uses of a run's seed. The full-size pictures use the seed
+/// Purposes for which a run draws independent samples. The full-size pictures use the run's seed
 /// itself, so that `render --seed` makes them again.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
-    /// The render from which bounds and starts follow, in paper mode.
+    /// Render from which bounds and starts follow, in paper mode.
     Survey = 1,
-    /// Whatever chooses lights.
+    /// Samples by which lights are chosen.
     Optimise,
-    /// The f_q of the start, in paper mode.
+    /// f_q of the start, in paper mode.
     Initial,
-    /// The f_q that is reported.
+    /// f_q that is reported.
     Check,
 }
 
-/// The seed of a use.
+/// Seed for a purpose, from the seed of the run.
 pub(super) fn seed_for(seed: u64, purpose: Purpose) -> u64 {
     hash_words(&[seed, purpose as u64])
 }

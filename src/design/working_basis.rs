@@ -1,4 +1,4 @@
-//! The transport basis of a run: planned, rendered and stored for optimisation.
+//! The transport basis of a run: planning, rendering, aiming and storing it.
 
 use std::{path::PathBuf, sync::OnceLock};
 
@@ -6,71 +6,83 @@ use super::{
     Reporter, RunError,
     evaluator::Evaluator,
     observer::Unstoppable,
-    run::MAX_TOGETHER,
     seeds::{Purpose, seed_for},
     setup::{Setup, Stage},
 };
 use crate::{
     audit::stored::About,
     film::Picture,
-    integrator::{IntegratorKind, RenderError},
+    integrator::RenderError,
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
     math::hash::{hash_bytes, hash_words},
     objective::Objective,
-    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
-    variables::{BasisRanges, VariableKind},
+    scene::Scene,
+    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
+    variables::BasisRanges,
 };
 
-/// Replicates of a basis and of a check, from which errors are estimated: the fewest from which a
-/// standard error can be told, since every table is kept once a replicate.
+/// Upper bound of the looks that are sought together: each has sizes of its own among the likely ones of
+/// a light's density.
+pub const MAX_TOGETHER: usize = SizeDensity::MAX_LIKELY;
+/// Replicates of a basis and of a check, from which errors are estimated. Each costs a table; since
+/// errors are averaged over relabellings of the replicates, four do what six did before. In a check of 16
+/// samples per pixel (high-key) the noise correction was .0067 with 4, .0083 with 8, .0115 with 16.
 pub const REPLICATES: usize = 4;
 /// Replicates that [`TransportBasis::halves`] leaves.
 const HALVES: usize = 2;
-/// Samples per pixel of the first basis, which tells where to look, if nobody says how many. Fewer
-/// leave too little to aim by; more cost time that aimed samples use better (12 gave high-key f_q
-/// .1356 on the fruit basket, 8 gave .1359, a third faster).
+/// Samples per pixel of the first basis, if none are asked for; by them the next ones are aimed. True f_q
+/// of high-key on the fruit basket, mean of 24 seeds: .1359 with 8, .1356 with 12; with 4 some seeds
+/// ended at .145.
 const FIRST_SAMPLES: u32 = 8;
-/// Knots of a light's size: 14 give the same optima as 24 on the fruit basket in half the memory.
+/// Knots of a light's size. 14 make the tables two fifths smaller than 24. True f_q
+/// on the fruit basket, mean (worst): high-key .1362 (.1388) over 24 seeds, with 24 knots .1354 (.1373)
+/// over 12; low-key .5850 (.5859), with 24 knots .5857 (.5888).
 const KNOTS: usize = 14;
-/// Knots of a basis that is kept, of which nobody knows what will be asked.
+/// Knots of a light's size in a basis that is kept, which other looks and scans will use: with sizes in
+/// a range of 20 they are 15 % apart, with [`KNOTS`] 28 %.
 const KEPT_KNOTS: usize = 24;
-/// Fewest knots that the memory allowed may leave; with fewer a size is blurred by more than a
-/// photographer's choice of light.
+/// Lower bound of the knots where memory is short: with sizes in a range of 20 they are 65 % apart, and
+/// the edge of a light is feathered by as much.
 const MIN_KNOTS: usize = 8;
-/// Knots of a basis around what was found: half of them for the whole range, and as many for
-/// what lies within [`FOCUS`] of a size found.
+/// Knots of a light's size in a basis around the lights found: half for the whole range, and as many
+/// within [`FOCUS`] of each size found, 10 % of it apart.
 const FOCUS_KNOTS: usize = 16;
-/// Relative distance from a size found within which knots and samples are dense: a search that goes
-/// on from there seldom moves a size by more than a third.
+/// Relative distance from a size found within which knots and samples are dense: more lets the search
+/// move farther on dense knots, less makes them denser. Raised from .15 and .2 as bases got fewer
+/// samples; not measured apart from that.
 const FOCUS: f64 = 0.35;
-/// Weight with which a light that contributes nothing is chosen, beside 1 of all of them: it may
-/// contribute to what the search finds next.
+/// Weight with which a light that contributes nothing is chosen, where one that contributes everything
+/// has about 1: the search may still turn it on, with noisy estimates; a larger weight takes samples from
+/// the others. Set by reasoning.
 const FAINT_LIGHT: f64 = 0.05;
-/// Share of a light's samples that must lie within a size for which lights are sought. Below it most
-/// pixels know nothing of the light and no jackknife shows it (fruit bowl, low-key: 13 of 8 runs'
-/// checks disagreed without it, 3 with it).
-const WITHIN: f32 = 0.1;
-/// Samples of a replicate that are rendered at a time, whatever the user wants meanwhile: an
-/// interrupt then leaves a whole basis. Fewer would add to every table more often.
+/// Least share of a light's samples within a size, for sizes that a search may ask for. Below it most
+/// pixels have no sample of the light, all replicates agree in that, and no jackknife shows the error.
+/// Eight seeds of the fruit bowl without background, both looks: 3 checks disagreed with the basis, 13
+/// without the bound.
+const MIN_SHARE_WITHIN: f32 = 0.1;
+/// Samples of a replicate that are rendered at a time. An interrupt waits for them, so that the basis it
+/// leaves is whole; fewer would add to every table more often. Set by reasoning.
 const BATCH: u32 = 8;
-/// Part of the memory allowed above which what light subpaths leave during a batch makes the batch
-/// smaller: the tables are of more use.
+/// Share of the memory allowed, as its inverse, that contributions of light subpaths may take during a
+/// batch before the batch is made smaller: smaller batches cost time, fewer knots precision. Set by
+/// reasoning.
 const BATCH_SHARE: u64 = 4;
-/// The picture on which starts are screened is smaller by this factor: 256 starts then cost as much
-/// as 16 on the whole picture.
+/// Factor by which the picture on which starts are screened is smaller in both directions: 256 starts
+/// then cost as much as 16 on the whole picture. A factor of 2 was slower and ended no better (high-key
+/// .1387 on the fruit basket).
 pub const REDUCTION: u32 = 4;
 
-/// What a basis of a scene leaves open.
+/// Plan of a basis: ranges of what varies, knots and batches within the memory allowed.
 #[derive(Clone, Debug)]
 pub struct BasisPlan {
-    /// What varies.
+    /// Ranges of the sizes and of the background's value that vary.
     ranges: BasisRanges,
-    /// Knots per free size.
+    /// Knots of each free size.
     knots: usize,
     /// Samples of a replicate that are rendered at a time.
     batch: u32,
-    /// The lighting of what does not vary.
+    /// Lighting of everything that does not vary.
     fixed: Lighting,
 }
 
@@ -79,40 +91,41 @@ pub struct BasisPlan {
 pub struct Focus {
     /// The lighting.
     pub lighting: Lighting,
-    /// Weights per light with which it is chosen for this lighting.
+    /// Weight with which each light is chosen for this lighting.
     pub weights: Vec<f32>,
 }
 
 impl Focus {
-    /// Weights per light with which it is chosen for all of `foci`.
+    /// Weight with which each light is chosen for all of `foci`.
     pub fn light_weights(foci: &[Self]) -> Vec<f32> {
         let n = foci.first().map_or(0, |focus| focus.weights.len());
         (0..n).map(|l| foci.iter().map(|focus| focus.weights[l]).sum()).collect()
     }
 
-    /// The sizes of a light in all of `foci`, each with its weight.
+    /// Sizes of a light in all of `foci`, each with its weight.
     pub fn sizes(foci: &[Self], light: usize) -> Vec<(f32, f32)> {
         foci.iter().map(|focus| (focus.lighting.size[light] as f32, focus.weights[light])).collect()
     }
 }
 
-/// A basis and what it is made of.
+/// A basis with its plan, and with what is derived from it for searches.
 pub struct WorkingBasis {
     plan: BasisPlan,
     basis: TransportBasis,
-    /// Its samples in fewer replicates, see [`TransportBasis::halves`].
+    /// The same samples in two replicates, see [`TransportBasis::halves`].
     halves: OnceLock<TransportBasis>,
-    /// The halves of a smaller picture.
+    /// The two replicates of the picture reduced by [`REDUCTION`].
     reduced: OnceLock<TransportBasis>,
-    /// The lightings that its samples are aimed at.
+    /// Lightings at which the samples are aimed; `None` while they are spread over all.
     foci: Option<Vec<Focus>>,
-    /// Numbers of samples so far with the distributions of sizes per light that they came from.
+    /// Numbers of samples so far, counted with their weights, with the density of each light's size from
+    /// which they came.
     sampled: Vec<(f32, Vec<SizeDensity>)>,
-    /// Least size per light within which enough samples lie.
+    /// Least size of each light within which enough samples fall.
     least_sizes: Vec<f64>,
-    /// Seed of the samples that follow.
+    /// Seed of the next samples.
     seed: u64,
-    /// File where it is stored, and how many samples that holds.
+    /// File in which the basis is stored, and the number of samples in it; `None` if it is not kept.
     stored: Option<(PathBuf, u32)>,
 }
 
@@ -120,19 +133,16 @@ impl BasisPlan {
     /// Plans a basis of a stage within the memory allowed.
     ///
     /// # Errors
-    /// When even the fewest knots need more memory than allowed.
+    /// When even [`MIN_KNOTS`] need more memory than allowed.
     pub fn new(stage: &Stage, reporter: &impl Reporter) -> Result<Self, RunError> {
         let options = stage.options;
-        let mut ranges = BasisRanges { sizes: vec![None; stage.scene.lights.len()], largest_value: None };
-        for kind in VariableKind::all().filter(|kind| options.free.contains(kind.keyword())) {
-            kind.open(stage.fitted, stage.wishes, &mut ranges);
-        }
+        let ranges = stage.fitted.basis_ranges(stage.constraints, &options.free);
         let knots = if options.cache.is_some() { KEPT_KNOTS } else { KNOTS };
         let mut plan = Self { ranges, knots, batch: BATCH, fixed: stage.fitted.lighting.clone() };
         while plan.splat_memory(stage) > options.memory / BATCH_SHARE && plan.batch > 1 {
             plan.batch /= 2;
         }
-        // A basis around what is found lies beside the first.
+        // A basis around the lights found is held beside the first.
         let need = |plan: &Self| {
             let layouts = [plan.layout(stage, None), plan.focused_layout(stage)];
             let tables = layouts.iter().map(|l| l.table_memory(REPLICATES + HALVES)).sum::<u64>();
@@ -161,20 +171,17 @@ impl BasisPlan {
         Ok(plan)
     }
 
-    /// Most memory that light subpaths take until the end of a batch, bytes.
+    /// Upper bound of the memory that contributions of light subpaths take during a batch, bytes.
     fn splat_memory(&self, stage: &Stage) -> u64 {
         let integrator = stage.options.integrator;
         let plan = stage.plan(&self.fixed);
         let pixels = u64::from(stage.options.work_size.element_product());
         let samples = u64::from(self.batch * REPLICATES as u32) * pixels;
-        let subpaths = match integrator.kind {
-            IntegratorKind::Path => 0,
-            IntegratorKind::Bdpt => samples.div_ceil(u64::from(plan.counts.camera_subpaths)),
-        };
-        self.layout(stage, None).splat_memory(subpaths, integrator.max_depth)
+        let subpaths = integrator.kind.light_subpaths(samples, plan.counts);
+        splat_memory(&self.layout(stage, None), subpaths, integrator.max_depth)
     }
 
-    /// The layout of a basis around different lights for as many looks as there may be at once.
+    /// Layout of a basis around the lights of as many looks as may be sought together, all different.
     fn focused_layout(&self, stage: &Stage) -> Layout {
         let n = stage.options.jobs.len().clamp(1, MAX_TOGETHER);
         let at = |i: usize, [lo, hi]: [f32; 2]| f64::from(lo * (hi / lo).powf((i as f32 + 0.5) / n as f32));
@@ -186,7 +193,7 @@ impl BasisPlan {
         self.layout(stage, Some(&(0..n).map(focus).collect::<Vec<_>>()))
     }
 
-    /// The layout, with knots around the sizes of `foci` if given.
+    /// Layout of the basis, with knots around the sizes of `foci` if given.
     fn layout(&self, stage: &Stage, foci: Option<&[Focus]>) -> Layout {
         let bins = self.ranges.sizes.iter().enumerate().map(|(l, range)| match (range, foci) {
             (None, _) => SizeBins::Fixed(self.fixed.size[l] as f32),
@@ -208,7 +215,7 @@ impl BasisPlan {
         Layout::new(stage.options.work_size, bins.collect(), nodes)
     }
 
-    /// The plan that samples every size and the largest value, most of all what is in `foci`.
+    /// Sampling plan for all sizes and values of the background, with most samples near `foci` if given.
     fn sampling(&self, stage: &Stage, foci: Option<&[Focus]>) -> SamplingPlan {
         let mut plan = stage.plan(&self.fixed);
         if let Some(foci) = foci {
@@ -231,7 +238,12 @@ impl BasisPlan {
         plan
     }
 
-    /// Name of the file that keeps a basis: different where anything differs that its tables depend on.
+    /// A file name as long as that of any basis of a scene.
+    pub fn any_file_name(scene: &Scene) -> String {
+        format!("{}-{:016x}.basis", scene.name, 0)
+    }
+
+    /// Name of the file that keeps a basis, with a hash of everything on which its tables depend.
     fn file_name(&self, stage: &Stage, layout: &Layout, seed: u64) -> String {
         let (renderer, plan) = (stage.renderer(), self.sampling(stage, None));
         let words = format!(
@@ -247,7 +259,7 @@ impl BasisPlan {
 }
 
 impl WorkingBasis {
-    /// Renders the first samples of a basis, or takes one that was kept.
+    /// A basis with its first samples: one that was kept, or a new one that is rendered.
     ///
     /// # Errors
     /// As [`TransportBasis::render`].
@@ -284,7 +296,7 @@ impl WorkingBasis {
         Ok(working)
     }
 
-    /// A basis whose samples that follow come from `seed`, aimed at `foci`.
+    /// A working basis whose next samples come from `seed`, aimed at `foci` if given.
     fn with(plan: BasisPlan, basis: TransportBasis, foci: Option<Vec<Focus>>, seed: u64) -> Self {
         Self {
             plan,
@@ -299,7 +311,7 @@ impl WorkingBasis {
         }
     }
 
-    /// Stores the basis, if there is a cache and more in it than there was.
+    /// Stores the basis, if it is kept and has more samples than the file.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -316,8 +328,8 @@ impl WorkingBasis {
         Ok(())
     }
 
-    /// Adds samples: `spp` per pixel over all replicates. An interrupt leaves a whole
-    /// basis of fewer samples.
+    /// Adds `spp` samples per pixel over all replicates. An interrupt leaves a whole basis of fewer
+    /// samples.
     ///
     /// # Errors
     /// When a render fails, or was interrupted before there were any samples.
@@ -339,11 +351,11 @@ impl WorkingBasis {
             seed: self.seed,
         };
         while left > 0 {
-            if reporter.cancelled() {
-                if self.basis.n_samples() == 0 {
-                    return Err(RenderError::Cancelled.into());
-                }
+            if stage.search_is_over(reporter) && self.basis.n_samples() > 0 {
                 break;
+            }
+            if reporter.cancelled() {
+                return Err(RenderError::Cancelled.into());
             }
             let count = left.min(self.plan.batch);
             self.basis.render(source, count, &Unstoppable(reporter))?;
@@ -355,13 +367,14 @@ impl WorkingBasis {
         Ok(())
     }
 
-    /// The size within which [`WITHIN`] of the samples of a light lie, not below its range.
+    /// Least size of a light within which [`MIN_SHARE_WITHIN`] of its samples fall, in its range; 0 for a
+    /// size that is not free.
     fn least_size(&self, light: usize) -> f64 {
         let Some([mut below, mut above]) = self.plan.ranges.sizes[light] else { return 0.0 };
         let all: f32 = self.sampled.iter().map(|(samples, _)| samples).sum();
         let within = |size: f32| {
             let of = self.sampled.iter().map(|(samples, of)| samples * of[light].below(size));
-            of.sum::<f32>() >= WITHIN * all
+            of.sum::<f32>() >= MIN_SHARE_WITHIN * all
         };
         if within(below) {
             return f64::from(below);
@@ -373,26 +386,26 @@ impl WorkingBasis {
         f64::from(above)
     }
 
-    /// Makes what evaluations need of the basis: before any of them, since all threads would
-    /// wait for the one that came first.
+    /// Derives what evaluations need from the basis, before they run in parallel: all threads would wait
+    /// for the first one to do so.
     fn derive(&self) {
         self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));
     }
 
-    /// Samples per pixel of all replicates.
+    /// Samples per pixel of all replicates, in units of the weight of the next sample.
     #[must_use]
     pub fn samples(&self) -> u32 {
         self.basis.effective_samples()
     }
 
-    /// The picture with every light at radiance 1, its present size, and the
-    /// background as it is.
+    /// Picture with every light at radiance 1 and everything else as it is at the start.
     #[must_use]
     pub fn unit_picture(&self) -> Picture {
         self.basis.picture(&self.plan.fixed.at_unit_radiance())
     }
 
-    /// A lighting at which samples are aimed, in proportion to `share`.
+    /// Focus on a lighting, with weights that sum to `share` and grow as the square root of each light's
+    /// share in the picture.
     #[must_use]
     pub fn focus(&self, lighting: Lighting, share: f64) -> Focus {
         let weights: Vec<f64> =
@@ -401,7 +414,7 @@ impl WorkingBasis {
         Focus { lighting, weights: weights.into_iter().map(|w| (w * scale) as f32).collect() }
     }
 
-    /// An empty basis around what was found for some looks.
+    /// A basis without samples whose knots and samples lie around the lights found for some looks.
     #[must_use]
     pub fn around(&self, foci: Vec<Focus>, round: u32, stage: &Stage) -> Self {
         let basis = TransportBasis::new(self.plan.layout(stage, Some(&foci)), REPLICATES);
@@ -409,8 +422,8 @@ impl WorkingBasis {
         Self::with(self.plan.clone(), basis, Some(foci), seed)
     }
 
-    /// Aims the samples that follow at what was found for some looks, and lets those so far count
-    /// less. The knots stay, so that a search may still look everywhere.
+    /// Aims the next samples at the lights found for some looks, and lets those so far count half as much.
+    /// The knots stay, so that a search may still look everywhere.
     pub fn aim_at(&mut self, foci: Vec<Focus>) {
         self.basis.fade();
         self.sampled.iter_mut().for_each(|(samples, _)| *samples *= 0.5);
@@ -418,28 +431,30 @@ impl WorkingBasis {
         self.foci = Some(foci);
     }
 
-    /// Lets samples be aimed anew: other looks are sought.
+    /// Lets the next samples be aimed anew, because other looks are sought.
     pub fn release(&mut self) {
         self.foci = None;
     }
 
-    /// Whether samples are to be aimed yet. A basis to be kept serves other looks too.
+    /// Whether the next samples may be aimed: they have not been yet, and the basis is not kept for other
+    /// looks.
     #[must_use]
     pub fn may_aim(&self) -> bool {
         self.foci.is_none() && self.stored.is_none()
     }
 
+    /// The same samples in two replicates.
     fn halves(&self) -> &TransportBasis {
         self.halves.get_or_init(|| self.basis.halves())
     }
 
-    /// The seed of its samples.
+    /// Seed of the next samples.
     #[must_use]
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// The picture of a lighting.
+    /// Picture of a lighting, recombined from the basis.
     #[must_use]
     pub fn picture(&self, x: &Lighting) -> Picture {
         self.basis.picture(x)
@@ -459,7 +474,7 @@ impl WorkingBasis {
         }
     }
 
-    /// As [`Self::evaluator`], of the smaller picture.
+    /// f_q of the picture reduced by [`REDUCTION`], with its `objective`, as a function of the variables.
     #[must_use]
     pub fn reduced<'a>(&'a self, setup: Setup<'a>, objective: &'a Objective) -> Evaluator<'a> {
         let basis = self.reduced.get_or_init(|| self.halves().reduced(REDUCTION));

@@ -39,245 +39,211 @@
 
 mod lights;
 mod materials;
+mod xml;
 
-use std::{fmt::Write as _, fs, io::Write as _, path::Path};
-
-use glam::{Affine2, Vec2, Vec3};
-
-use self::materials::Compensations;
-pub use self::materials::compensation;
-use super::{ExportError, ply::Part};
-use crate::{
-    camera::Camera,
-    files::write_atomically,
-    film::exr::{ExrImage, ExrPart, write_exr},
-    integrator::View,
-    light::Light,
-    lighting::Lighting,
-    scene::{Material, Mesh, material::Model},
+use std::{
+    io::Write as _,
+    path::{Path, PathBuf},
 };
 
-/// How far behind its emitting skin a body lies, over one plus the largest
-/// coordinate: thrice what Mitsuba moves the origin of a ray off a surface.
+pub use self::materials::compensation;
+use self::{
+    materials::Compensations,
+    xml::{boolean, element, empty, float, indented, integer, list, null, plain, property, string, to_world},
+};
+use super::{ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part};
+use crate::{
+    camera::Camera,
+    math::Rgb,
+    scene::{Material, material::Model},
+};
+
+/// Distance of a body behind the surface that emits in its place, over one plus the
+/// largest coordinate: thrice what Mitsuba moves the origin of a ray off a surface, so
+/// that rays from the surface do not meet it again; 0.8 mm in a scene that reaches 2 m.
 const SKIN: f32 = 3.0 * 9e-5;
 
-/// Writes a view of a scene in a lighting into `directory`, made if it is not there.
-/// Returns what a user should hear of.
-///
-/// # Errors
-/// When a light has no exact counterpart (before anything is written), or a
-/// file cannot be written. `scene.xml` comes last.
-pub fn write(
-    view: View,
-    lighting: &Lighting,
-    max_depth: usize,
-    directory: &Path,
-) -> Result<Vec<String>, ExportError> {
-    let View { scene, camera } = view;
-    let lights = lighting.lights(scene);
-    let hide_emitters = lights::hide_emitters(&lights)?;
-    lights::check(&lights)?;
-    fs::create_dir_all(directory)
-        .map_err(|source| ExportError::Directory { path: directory.to_path_buf(), source })?;
-    let mut export = Export {
-        mesh: &scene.mesh,
-        materials: lighting.materials(scene),
-        lights: &lights,
-        directory,
-        hide_emitters,
-        elements: String::new(),
-        warnings: Vec::new(),
-        compensations: Compensations::default(),
-    };
-    for i in 0..scene.materials.len() {
-        export.surface(i)?;
+/// Name of the scene description within the directory.
+const SCENE_FILE: &str = "scene.xml";
+
+/// Scene description of Mitsuba 3.
+#[derive(Clone, Copy, Debug)]
+pub struct Mitsuba;
+
+impl Exporter for Mitsuba {
+    fn name(&self) -> &'static str {
+        "mitsuba"
     }
-    for l in &lights {
-        export.light(l)?;
+
+    fn help(&self) -> &'static str {
+        "Mitsuba 3, rendered with `mitsuba -m llvm_ad_rgb`"
     }
-    export.warn_of_lost_caustics();
-    let text = format!(
-        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n    \
-         <default name=\"spp\" value=\"64\"/>\n    \
-         <!-- Lights do not block: volpath passes through their null surfaces. -->\n    \
-         <integrator type=\"volpath\">\n        \
-         <integer name=\"max_depth\" value=\"{max_depth}\"/>\n        \
-         <boolean name=\"hide_emitters\" value=\"{hide_emitters}\"/>\n    </integrator>\n\
-         {}{}</scene>\n",
-        sensor(camera),
-        export.elements
-    );
-    let path = directory.join("scene.xml");
-    write_atomically(&path, |out| {
-        out.write_all(text.as_bytes()).map_err(|source| ExportError::Write { path: path.clone(), source })
-    })?;
-    Ok(export.warnings)
+
+    fn files(&self) -> &'static str {
+        "a directory with scene.xml, meshes and textures"
+    }
+
+    fn entry_point(&self, out: &Path) -> PathBuf {
+        out.join(SCENE_FILE)
+    }
+
+    fn write(&self, job: &ExportJob, out: &Path) -> Result<Exported, ExportError> {
+        let hide_emitters = lights::hide_emitters(&job.scene().lights)?;
+        lights::check(&job.scene().lights)?;
+        let mut writer = Writer {
+            job: *job,
+            directory: Directory::create(out)?,
+            hide_emitters,
+            elements: String::new(),
+            warnings: Vec::new(),
+            compensations: Compensations::default(),
+        };
+        for i in 0..job.scene().materials.len() {
+            writer.surface(i)?;
+        }
+        for l in job.lights() {
+            writer.light(&l)?;
+        }
+        writer.warn_of_lost_caustics();
+        writer.finish()
+    }
+}
+
+/// An error about a part of the scene that Mitsuba cannot express.
+fn no_counterpart(thing: String, what: &'static str) -> ExportError {
+    ExportError::NoCounterpart { format: "Mitsuba", thing, what }
 }
 
 /// An export under way.
-struct Export<'a> {
-    mesh: &'a Mesh,
-    /// Materials with the background's value in their base colours.
-    materials: Vec<Material>,
-    /// Lights at the radiances and sizes exported.
-    lights: &'a [Light],
-    directory: &'a Path,
+struct Writer<'a> {
+    job: ExportJob<'a>,
+    directory: Directory,
+    /// Whether the camera sees no emitter, which Mitsuba decides for all at once.
     hide_emitters: bool,
-    /// Shapes and emitters, XML.
+    /// Shapes and emitters so far, XML at the level of the scene's elements.
     elements: String,
     warnings: Vec<String>,
     compensations: Compensations,
 }
 
-impl Export<'_> {
+/// The triangles of one material, which become one mesh.
+struct Surface<'a> {
+    /// Index of the material in the scene.
+    index: usize,
+    material: &'a Material,
+    /// Base colour of the material, or the factor on its image.
+    tint: Rgb,
+    part: Part,
+    /// Prefix of the names of all files of this surface.
+    stem: String,
+}
+
+impl Writer<'_> {
+    /// Adds lines to the scene.
+    fn put(&mut self, lines: &str) {
+        self.elements += &indented(lines);
+    }
+
     /// The triangles of a material, with what they emit.
     fn surface(&mut self, index: usize) -> Result<(), ExportError> {
-        let material = self.materials[index].clone();
-        let part = Part::of_material(self.mesh, index as u32);
+        let material = self.job.material(index);
+        let part = Part::of_material(&self.job.scene().mesh, index as u32);
         if part.is_empty() {
             return Ok(());
         }
         let stem = format!("{index:02}_{}", plain(&material.name));
-        let bsdf = self.bsdf(&material, &part, &stem)?;
-        let Some((emitter, two_sided)) = self.mesh_emitter(index, &stem)? else {
-            return self.ply(&part, &stem, &bsdf, "");
+        let s = Surface { index, material, tint: self.job.tint(index), part, stem };
+        let bsdf = self.bsdf(&s)?;
+        let Some((emitter, two_sided)) = self.mesh_emitter(&s)? else {
+            return self.ply(&s.part, &s.stem, &bsdf);
         };
         // Mitsuba emits from one side, about interpolated normals, and hides the body with the light.
-        if !two_sided && !self.hide_emitters && part.is_flat() {
-            return self.ply(&part, &stem, &bsdf, &emitter);
+        if !two_sided && !self.hide_emitters && s.part.is_flat() {
+            return self.ply(&s.part, &s.stem, &(bsdf + &emitter));
         }
-        let behind = -SKIN * (1.0 + part.reach());
-        self.ply(&part.moved(behind), &stem, &bsdf, "")?;
-        let emitter = format!(
-            "        <boolean name=\"face_normals\" value=\"true\"/>\n        <bsdf type=\"null\"/>\n{emitter}"
-        );
-        self.ply(&part, &format!("{stem}_front"), "", &emitter)?;
+        let behind = -SKIN * (1.0 + s.part.reach());
+        self.ply(&s.part.moved(behind), &s.stem, &bsdf)?;
+        let emitter = boolean("face_normals", true) + &null() + &emitter;
+        self.ply(&s.part, &format!("{}_front", s.stem), &emitter)?;
         if two_sided {
-            self.ply(&part.moved(2.0 * behind).turned(), &format!("{stem}_back"), "", &emitter)?;
+            let back = s.part.moved(2.0 * behind).turned();
+            self.ply(&back, &format!("{}_back", s.stem), &emitter)?;
         }
         Ok(())
     }
 
-    fn ply(&mut self, part: &Part, stem: &str, bsdf: &str, emitter: &str) -> Result<(), ExportError> {
-        let path = self.directory.join(format!("{stem}.ply"));
-        write_atomically(&path, |out| {
-            part.write(out).map_err(|source| ExportError::Write { path: path.clone(), source })
-        })?;
-        let _ = write!(
-            self.elements,
-            "    <shape type=\"ply\">\n        <string name=\"filename\" value=\"{stem}.ply\"/>\n        \
-             <boolean name=\"flip_tex_coords\" value=\"true\"/>\n{bsdf}{emitter}    </shape>\n"
-        );
+    /// A mesh in a file of its own, with its BSDF and emitter.
+    fn ply(&mut self, part: &Part, stem: &str, content: &str) -> Result<(), ExportError> {
+        let name = format!("{stem}.ply");
+        self.directory.write(&name, |out| part.write(out))?;
+        let file = string("filename", &name) + &boolean("flip_tex_coords", true);
+        self.put(&element("shape", "ply", &(file + content)));
         Ok(())
-    }
-
-    /// Writes a picture and returns its name.
-    fn picture(&self, stem: &str, [width, height]: [usize; 2], part: ExrPart) -> Result<String, ExportError> {
-        let name = format!("{stem}.exr");
-        let image = ExrImage { width, height, parts: vec![part], lightopt: None };
-        write_exr(&self.directory.join(&name), &image)?;
-        Ok(name)
     }
 
     /// A path tracer that goes from the camera cannot follow light from a point
     /// through glass.
     fn warn_of_lost_caustics(&mut self) {
-        let used = |m: usize| self.mesh.materials.contains(&(m as u32));
-        let smooth = self
-            .materials
-            .iter()
-            .enumerate()
-            .find(|(i, m)| m.alpha().is_none() && m.model() != Model::Diffuse && used(*i));
+        let scene = self.job.scene();
+        let used = |m: usize| scene.mesh.materials.contains(&(m as u32));
+        let is_smooth = |m: &Material| m.alpha().is_none() && m.model() != Model::Diffuse;
+        let smooth = scene.materials.iter().enumerate().find(|(i, m)| is_smooth(m) && used(*i));
         if let Some((_, m)) = smooth
-            && let Some(l) = self.lights.iter().find(|l| lights::is_unseen(l) && l.radiance > 0.0)
+            && let Some(l) = self.job.lights().find(|l| lights::is_unseen(l.light) && l.shines())
         {
             self.warnings.push(format!(
                 "light `{}`: Mitsuba's volpath misses what the smooth material `{}` throws on from it",
-                l.name, m.name
+                l.light.name, m.name
             ));
         }
     }
-}
 
-/// A bitmap's texture element under a parameter's name. `transform` maps the
-/// surface's texture coordinates to the image's, v up.
-fn bitmap(name: &str, file: &str, transform: Affine2) -> String {
-    let to_uv = if transform == Affine2::IDENTITY {
-        String::new()
-    } else {
-        // v runs down in the exported mesh and in Mitsuba's images.
-        let flip = Affine2::from_cols(Vec2::X, Vec2::NEG_Y, Vec2::Y);
-        let t = flip * transform * flip;
-        format!(
-            "    <transform name=\"to_uv\"><matrix value=\"{} {} 0 {} {} {} 0 {} 0 0 1 0 0 0 0 1\"/></transform>\n",
-            t.matrix2.x_axis.x,
-            t.matrix2.y_axis.x,
-            t.translation.x,
-            t.matrix2.x_axis.y,
-            t.matrix2.y_axis.y,
-            t.translation.y
-        )
-    };
-    format!(
-        "<texture type=\"bitmap\" name=\"{name}\">\n    \
-         <string name=\"filename\" value=\"{file}\"/>\n    \
-         <boolean name=\"raw\" value=\"true\"/>\n    \
-         <string name=\"format\" value=\"variant\"/>\n{to_uv}</texture>\n"
-    )
-}
-
-/// A name that is safe in a file name and in XML.
-fn plain(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' }).collect()
-}
-
-fn list(v: Vec3) -> String {
-    format!("{}, {}, {}", v.x, v.y, v.z)
+    /// Writes the scene description.
+    fn finish(mut self) -> Result<Exported, ExportError> {
+        let integrator = element(
+            "integrator",
+            "volpath",
+            &(integer("max_depth", self.job.max_depth) + &boolean("hide_emitters", self.hide_emitters)),
+        );
+        let text = format!(
+            "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n\
+             {}    <!-- Lights do not block: volpath passes through their null surfaces. -->\n\
+             {}{}{}</scene>\n",
+            indented(&property("default", "spp", 64)),
+            indented(&integrator),
+            indented(&sensor(self.job.camera())),
+            self.elements
+        );
+        self.directory.write(SCENE_FILE, |out| out.write_all(text.as_bytes()))?;
+        Ok(self.directory.finish(self.warnings))
+    }
 }
 
 fn sensor(c: &Camera) -> String {
     let (kind, lens) = match c.lens() {
         None => ("perspective", String::new()),
-        Some(lens) => (
-            "thinlens",
-            format!(
-                "        <float name=\"aperture_radius\" value=\"{}\"/>\n        \
-                 <float name=\"focus_distance\" value=\"{}\"/>\n",
-                lens.radius, lens.focus_distance
-            ),
-        ),
+        Some(lens) => {
+            let radius = float("aperture_radius", lens.radius);
+            ("thinlens", radius + &float("focus_distance", lens.focus_distance))
+        }
     };
-    format!(
-        "    <sensor type=\"{kind}\">\n{lens}        \
-         <string name=\"fov_axis\" value=\"y\"/>\n        \
-         <float name=\"fov\" value=\"{}\"/>\n        \
-         <float name=\"near_clip\" value=\"1e-4\"/>\n        \
-         <float name=\"far_clip\" value=\"1e6\"/>\n        \
-         <transform name=\"to_world\">\n            \
-         <lookat origin=\"{}\" target=\"{}\" up=\"{}\"/>\n        </transform>\n        \
-         <sampler type=\"multijitter\">\n            \
-         <integer name=\"sample_count\" value=\"$spp\"/>\n        </sampler>\n        \
-         <film type=\"hdrfilm\">\n            \
-         <integer name=\"width\" value=\"{}\"/>\n            \
-         <integer name=\"height\" value=\"{}\"/>\n            \
-         <string name=\"pixel_format\" value=\"rgb\"/>\n            \
-         <string name=\"component_format\" value=\"float32\"/>\n            \
-         <rfilter type=\"box\"/>\n        </film>\n    </sensor>\n",
-        c.vfov(),
-        list(c.position),
-        list(c.position + c.forward()),
-        list(c.up()),
-        c.size().x,
-        c.size().y,
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_become_safe() {
-        assert_eq!(plain("a/b <c>&\u{e9}"), "a_b__c___");
-    }
+    let (from, toward, up) = (list(c.position), list(c.position + c.forward()), list(c.up()));
+    let film = [
+        integer("width", c.size().x),
+        integer("height", c.size().y),
+        string("pixel_format", "rgb"),
+        string("component_format", "float32"),
+        empty("rfilter", "box"),
+    ];
+    let body = [
+        lens,
+        string("fov_axis", "y"),
+        float("fov", c.vfov()),
+        property("float", "near_clip", "1e-4"),
+        property("float", "far_clip", "1e6"),
+        to_world(&format!("<lookat origin=\"{from}\" target=\"{toward}\" up=\"{up}\"/>")),
+        element("sampler", "multijitter", &integer("sample_count", "$spp")),
+        element("film", "hdrfilm", &film.concat()),
+    ];
+    element("sensor", kind, &body.concat())
 }

@@ -1,4 +1,4 @@
-//! Binary PLY of the triangles of one material.
+//! Triangle meshes as binary PLY files, one for each material.
 
 use std::io::{self, Write};
 
@@ -6,19 +6,22 @@ use glam::{Vec2, Vec3};
 
 use crate::scene::{Mesh, mesh::face_normal};
 
-/// A part of a mesh with vertices of its own.
+/// The triangles of one material, with vertices of their own.
 #[derive(Debug, Default)]
 pub(super) struct Part {
+    /// Position (metres), unit normal and texture coordinates (v up) of each vertex.
     vertices: Vec<(Vec3, Vec3, Vec2)>,
+    /// Indices of the corners of each triangle, anticlockwise seen from the front.
     triangles: Vec<[u32; 3]>,
 }
 
 impl Part {
-    /// The triangles of one material.
+    /// Collects the triangles of one material.
     ///
-    /// A vertex without a normal gets that of its triangle, which is what our
-    /// renderer shades with when none of the corners has one.
+    /// A vertex without a normal gets the normal of its triangle, with which our
+    /// renderer shades when none of the corners has one.
     pub(super) fn of_material(mesh: &Mesh, material: u32) -> Self {
+        // No index is as large: meshes have fewer vertices.
         const UNSEEN: u32 = u32::MAX;
         let mut place = vec![UNSEEN; mesh.positions.len()];
         let mut part = Self::default();
@@ -41,15 +44,16 @@ impl Part {
         part
     }
 
-    /// Whether the vertices have the normals of their triangles, on the side from
-    /// which the corners run anticlockwise.
+    /// Whether every vertex has the normal of its triangles, on their front.
     pub(super) fn is_flat(&self) -> bool {
+        // Within 1.4 milliradians: normals that a file gives with three digits are as close.
         self.triangles.iter().all(|t| {
             let n = self.normal(t);
             t.iter().all(|&i| self.vertices[i as usize].1.dot(n) > 1.0 - 1e-6)
         })
     }
 
+    /// Unit normal on the front of a triangle; zero for one without area.
     fn normal(&self, triangle: &[u32; 3]) -> Vec3 {
         face_normal(triangle.map(|i| self.vertices[i as usize].0)).normalize_or_zero()
     }
@@ -59,7 +63,8 @@ impl Part {
         self.triangles.len()
     }
 
-    /// Derivatives of the position by u and v (up) over a triangle.
+    /// Derivatives of the position by u and v (up) over a triangle, metres; `None` where
+    /// texture coordinates do not span it.
     fn derivatives(&self, triangle: &[u32; 3]) -> Option<[Vec3; 2]> {
         let [(a, _, ua), (b, _, ub), (c, _, uc)] = triangle.map(|i| self.vertices[i as usize]);
         let (p, q) = (ub - ua, uc - ua);
@@ -69,7 +74,7 @@ impl Part {
         Some(d).filter(|d| d.iter().all(|v| v.is_finite()))
     }
 
-    /// Triangles on which images are mirrored.
+    /// Number of triangles on which images appear mirrored.
     pub(super) fn mirrored(&self) -> usize {
         let is_mirrored = |t: &&[u32; 3]| {
             self.derivatives(t).is_some_and(|[du, dv]| du.cross(dv).dot(self.vertices[t[0] as usize].1) < 0.0)
@@ -77,19 +82,19 @@ impl Part {
         self.triangles.iter().filter(is_mirrored).count()
     }
 
-    /// Least and largest width of an image on the triangles, metres.
+    /// Smallest and largest width of an image on any triangle, metres.
     pub(super) fn widths(&self) -> [f32; 2] {
         let widths = self.triangles.iter().filter_map(|t| Some(self.derivatives(t)?[0].length()));
         widths.fold([f32::INFINITY, 0.0], |[lo, hi], w| [lo.min(w), hi.max(w)])
     }
 
-    /// Largest coordinate of a vertex.
+    /// Largest absolute coordinate of any vertex, metres.
     pub(super) fn reach(&self) -> f32 {
         self.vertices.iter().map(|v| v.0.abs().max_element()).fold(0.0, f32::max)
     }
 
-    /// The surface moved by `distance` toward its front, the side from which the
-    /// corners run anticlockwise.
+    /// The surface moved by `distance` (metres) along its vertex normals, toward its
+    /// front: the side from which corners run anticlockwise.
     pub(super) fn moved(&self, distance: f32) -> Self {
         let mut front = vec![1.0_f32; self.vertices.len()];
         for t in &self.triangles {
@@ -105,17 +110,17 @@ impl Part {
         }
     }
 
-    /// The surface with its front behind.
+    /// The same surface with front and back exchanged.
     pub(super) fn turned(self) -> Self {
         Self { triangles: self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..self }
     }
 
-    /// Whether the material is not used at all.
+    /// Whether no triangle has the material.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
-    /// Writes binary little-endian PLY 1.0.
+    /// Writes the part as binary little-endian PLY 1.0.
     pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", self.vertices.len())?;
         for name in ["x", "y", "z", "nx", "ny", "nz", "u", "v"] {

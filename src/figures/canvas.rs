@@ -1,4 +1,4 @@
-//! An RGB picture to draw, letter and paste on.
+//! RGB pictures to draw on, to write on and to paste pictures on.
 
 use std::io::Cursor;
 
@@ -14,9 +14,9 @@ use plotters::{
 
 use crate::{film::Picture, math::display::oetf_srgb};
 
-/// What drawing may fail with.
+/// Error of the drawing backend.
 pub type DrawError = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
-/// Where plots are drawn.
+/// Area of a canvas on which plots are drawn.
 pub type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 
 /// A figure cannot be made.
@@ -33,32 +33,32 @@ pub enum FigureError {
     Table(#[from] std::fmt::Error),
 }
 
-/// Dark enough to read, softer than black.
+/// Colour of text and lines: dark enough to read, softer than black.
 pub const INK: RGBColor = RGBColor(34, 34, 34);
-/// For what is said in passing.
+/// Colour of secondary text.
 pub const FAINT: RGBColor = RGBColor(110, 110, 110);
 
-/// How a text hangs on its point.
+/// Position of a text relative to the point at which it is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// Left end, middle of the height.
+    /// The point is at the left end, in the middle of the height.
     Left,
-    /// Middle of both.
+    /// The point is in the middle of length and height.
     Center,
-    /// Right end, middle of the height.
+    /// The point is at the right end, in the middle of the height.
     Right,
-    /// Middle of both, read upward.
+    /// The point is in the middle of length and height, and the text is read upward.
     Upward,
 }
 
-/// A drawing with pictures on it.
+/// A drawing on which pictures may be pasted.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     image: RgbImage,
 }
 
-/// Drawings are made this many times larger and then reduced: the letters of a bitmap
-/// backend are set on whole pixels.
+/// Factor by which drawings are made larger and then reduced: the bitmap backend sets letters on whole
+/// pixels, which spaces small ones unevenly.
 pub const SCALE: i32 = 3;
 
 impl Canvas {
@@ -83,12 +83,12 @@ impl Canvas {
         Ok(Self { image: image::imageops::thumbnail(&large, width, height) })
     }
 
-    /// Puts a picture with its upper left corner at (x, y).
+    /// Pastes a picture with its upper left corner at (x, y), pixels.
     pub fn paste(&mut self, picture: &RgbImage, x: u32, y: u32) {
         image::imageops::replace(&mut self.image, picture, i64::from(x), i64::from(y));
     }
 
-    /// As PNG.
+    /// Bytes of the canvas as a PNG file.
     ///
     /// # Errors
     /// When it cannot be encoded.
@@ -99,7 +99,7 @@ impl Canvas {
     }
 }
 
-/// Writes a text of a height in pixels at (x, y).
+/// Writes a text in letters of the height `size`, pixels, at a point.
 ///
 /// # Errors
 /// When the backend cannot draw.
@@ -126,7 +126,7 @@ pub fn text(
     Ok(area.draw(&Text::new(words.to_owned(), at, style))?)
 }
 
-/// Length of a text of a height, pixels.
+/// Length of a text in letters of the height `size`, pixels.
 ///
 /// # Errors
 /// When the font cannot be read.
@@ -136,11 +136,12 @@ pub fn length(words: &str, size: u32) -> Result<u32, FigureError> {
     Ok(width.div_ceil(SCALE as u32))
 }
 
+/// A point of the canvas in the enlarged drawing.
 fn scaled((x, y): (i32, i32)) -> (i32, i32) {
     (x * SCALE, y * SCALE)
 }
 
-/// Straight lines from point to point.
+/// Draws straight lines from point to point.
 ///
 /// # Errors
 /// When the backend cannot draw.
@@ -149,7 +150,7 @@ pub fn line(area: &Area, points: &[(i32, i32)], color: RGBAColor, width: u32) ->
     Ok(area.draw(&PathElement::new(points, color.stroke_width(width * SCALE as u32)))?)
 }
 
-/// A filled rectangle between two corners.
+/// Draws a filled rectangle between two corners.
 ///
 /// # Errors
 /// When the backend cannot draw.
@@ -157,7 +158,7 @@ pub fn bar(area: &Area, [a, b]: [(i32, i32); 2], color: RGBColor) -> Result<(), 
     Ok(area.draw(&Rectangle::new([scaled(a), scaled(b)], color.filled()))?)
 }
 
-/// A filled circle.
+/// Draws a filled circle.
 ///
 /// # Errors
 /// When the backend cannot draw.
@@ -165,7 +166,7 @@ pub fn dot(area: &Area, at: (i32, i32), radius: i32, color: RGBColor) -> Result<
     Ok(area.draw(&Circle::new(scaled(at), radius * SCALE, color.filled()))?)
 }
 
-/// A picture as a display shows it.
+/// A linear picture encoded for an sRGB display at an exposure.
 #[must_use]
 pub fn displayed(picture: &Picture, exposure: f64) -> RgbImage {
     let encode = |v: f32| (255.0 * oetf_srgb((exposure * f64::from(v)).clamp(0.0, 1.0))).round() as u8;

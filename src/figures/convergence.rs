@@ -1,4 +1,4 @@
-//! f_q as a search goes on: paper mode against renders, default mode against evaluations.
+//! Plot and table of f_q along a search: by renders in paper mode, by evaluations in default mode.
 
 use std::{
     fs, io,
@@ -15,29 +15,29 @@ use super::{
 };
 use crate::design::Gradient;
 
-/// An evaluation of a search.
+/// An evaluation of f_q in a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Its number, from 1.
+    /// Number of the evaluation, from 1.
     pub evaluation: u64,
-    /// Renders of this search until then, in paper mode.
+    /// Number of renders of the search up to the evaluation; `None` in default mode.
     pub renders: Option<u64>,
-    /// What it measured.
+    /// Value of f_q.
     pub f_q: f64,
-    /// Half width of its 95 % interval, with the noise correction.
+    /// Half width of the 95 % interval of f_q, with the noise correction.
     pub error: f64,
 }
 
-/// A search.
+/// A search for the lights of one look, as it was recorded.
 #[derive(Clone, Debug)]
-pub struct Search {
-    /// Paper mode or default mode.
+pub struct SearchLog {
+    /// Source of the gradients: finite differences in paper mode, the basis in default mode.
     pub gradient: Gradient,
-    /// Index into [`LOOKS`].
+    /// Index of the look in [`LOOKS`].
     pub look: usize,
-    /// Its evaluations, on the way to the result.
+    /// Evaluations that led to the result, in order.
     pub steps: Vec<Step>,
-    /// f_q of the result from new samples, and its error.
+    /// f_q of the result measured with new samples, and the half width of its error bar.
     pub check: [f64; 2],
 }
 
@@ -51,8 +51,8 @@ pub enum LogError {
     Line { path: PathBuf, line: usize },
 }
 
-/// The evaluations that a run directory has recorded; in paper mode without the starts
-/// among which it chose.
+/// Evaluations that a run directory has recorded, in paper mode without the starts among which it
+/// chose.
 ///
 /// # Errors
 /// When the log cannot be read.
@@ -78,7 +78,7 @@ pub fn steps(run: &Path) -> Result<Vec<Step>, LogError> {
     Ok(steps)
 }
 
-/// Name of a mode.
+/// Name of the mode whose gradients come from `gradient`.
 #[must_use]
 pub fn mode(gradient: Gradient) -> &'static str {
     match gradient {
@@ -87,10 +87,10 @@ pub fn mode(gradient: Gradient) -> &'static str {
     }
 }
 
-/// All evaluations.
+/// Table of all evaluations of some searches.
 #[must_use]
-pub fn table(searches: &[Search]) -> Table {
-    let row = |s: &Search, step: &Step| {
+pub fn table(searches: &[SearchLog]) -> Table {
+    let row = |s: &SearchLog, step: &Step| {
         vec![
             LOOKS[s.look].into(),
             mode(s.gradient).into(),
@@ -108,20 +108,23 @@ pub fn table(searches: &[Search]) -> Table {
     }
 }
 
-/// The plot's size, pixels.
+/// Width and height of the plot, pixels.
 const SIZE: (u32, u32) = (1120, 800);
+/// Colour of evaluations.
 const POINT: RGBColor = RGBColor(120, 160, 200);
+/// Colour of the least f_q so far.
 const BEST: RGBColor = RGBColor(0, 70, 130);
+/// Colour of the result.
 const CHECK: RGBColor = RGBColor(200, 80, 0);
 
-/// Height of the legend above the panels.
+/// Height of the legend above the panels, pixels.
 const LEGEND: i32 = 48;
 
 /// Draws a row of panels per look, a column per mode.
 ///
 /// # Errors
 /// When the font or the canvas fails.
-pub fn plot(searches: &[Search]) -> Result<Canvas, FigureError> {
+pub fn plot(searches: &[SearchLog]) -> Result<Canvas, FigureError> {
     Canvas::drawn(SIZE, |area| {
         legend(area)?;
         let (_, below) = area.split_vertically(LEGEND * SCALE);
@@ -142,6 +145,7 @@ pub fn plot(searches: &[Search]) -> Result<Canvas, FigureError> {
     })
 }
 
+/// Draws what the marks mean, in a line at the top.
 fn legend(area: &Area) -> Result<(), FigureError> {
     let y = 26;
     let letter = |words, x| text(area, words, (x, y), 16, INK, Anchor::Left);
@@ -153,7 +157,8 @@ fn legend(area: &Area) -> Result<(), FigureError> {
     letter("result, measured on samples that chose nothing", 442)
 }
 
-fn panel(area: &Area, search: &Search, top: f64) -> Result<(), FigureError> {
+/// Draws the evaluations of one search, with f_q up to `top`.
+fn panel(area: &Area, search: &SearchLog, top: f64) -> Result<(), FigureError> {
     let at = |s: &Step| s.renders.unwrap_or(s.evaluation) as f64;
     let last = 1.03 * search.steps.last().map_or(1.0, at);
     let (name, along) = match search.gradient {
@@ -194,7 +199,7 @@ fn panel(area: &Area, search: &Search, top: f64) -> Result<(), FigureError> {
     Ok(())
 }
 
-/// Corners of the least f_q so far.
+/// Corners of the staircase of the least f_q so far; `at` gives the position of an evaluation.
 fn best(steps: &[Step], at: impl Fn(&Step) -> f64) -> Vec<(f64, f64)> {
     let mut corners: Vec<(f64, f64)> = Vec::new();
     let mut least = f64::INFINITY;

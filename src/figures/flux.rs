@@ -18,21 +18,22 @@ use crate::{
     sampler::SamplerKind,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
-    variables::{Fitted, SurveyError, Wishes, survey::gain_for},
+    variables::{Constraints, Fitted, SurveyError, survey::gain_for},
 };
 
-/// Sizes from the least, each twice the one before, and where among them the fluxes are
-/// chosen.
+/// Number of sizes, each twice the one before: as many rows as fit beside five columns.
 const N_SIZES: usize = 4;
+/// Index of the size at which the object is well lit at 0 stops.
 const REFERENCE: usize = 1;
-/// Fluxes, in stops from the one that lights the object well.
+/// Fluxes in stops from the one that lights the object well: from too dark to too bright.
 const STOPS: [f64; 5] = [-3.0, -2.0, -1.0, 0.0, 1.0];
-/// Display luminance of a well lit object; the target of both looks.
+/// Mean display luminance of a well lit object: t_meanObj of both looks in \[PG14\], table 1.
 const WELL_LIT: f64 = 0.47;
-/// Knots of the size.
+/// Knots of the size: a single light needs little memory, and 32 knots feather its edge by less than a
+/// tenth of its size where sizes span a factor of eight.
 const KNOTS: usize = 32;
 
-/// The grid cannot be made.
+/// The grid of sizes and fluxes cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum FluxError {
@@ -46,22 +47,22 @@ pub enum FluxError {
     Render(#[from] RenderError),
 }
 
-/// How the pictures are taken.
+/// Size, samples and integrator of the pictures.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Of each picture, pixels.
+    /// Size of each picture, pixels.
     pub size: UVec2,
     /// Samples per pixel of the basis.
     pub spp: u32,
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: Integrator,
-    /// Sample sequences.
+    /// Family of sample sequences.
     pub sampler: SamplerKind,
-    /// Seed of the basis.
+    /// Seed of the scrambles of the basis.
     pub seed: u64,
 }
 
-/// Extent of a light of a size, in words.
+/// Extent of a light at the size `size`, in words.
 fn extent(light: &Light, size: f64) -> String {
     let cm = |half: f32| {
         let full = 200.0 * f64::from(half) * size;
@@ -77,26 +78,27 @@ fn extent(light: &Light, size: f64) -> String {
 /// A basis of a scene in which one light's size is free.
 struct OneLight {
     basis: TransportBasis,
+    /// Index of the light.
     light: usize,
-    /// Its flux at radiance 1 and size 1, W.
+    /// Flux of the light at radiance 1 and size 1, W.
     unit: f64,
-    /// From the least, in equal ratios.
+    /// Sizes of the light, ascending in equal ratios.
     sizes: [f64; N_SIZES],
-    /// All lights off, at their sizes.
+    /// Lighting with all lights off, at their sizes within bounds.
     dark: Lighting,
 }
 
 impl OneLight {
-    /// Takes the light called `key`, else the first that has a size, and renders.
+    /// Renders the basis of the light called `key`, else of the first that has a size.
     fn render(
         view: View,
-        wishes: &Wishes,
+        constraints: &Constraints,
         settings: &Settings,
         observer: &impl Observer,
     ) -> Result<Self, FluxError> {
         let scene = view.scene;
         let authored = Lighting::authored(scene);
-        let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, wishes)?;
+        let Fitted { lighting, sizes, .. } = Fitted::new(view, &authored, constraints)?;
         let suitable: Vec<(usize, f64, [f32; 2])> = scene
             .lights
             .iter()
@@ -128,7 +130,7 @@ impl OneLight {
         Ok(Self { basis, light, unit, sizes, dark })
     }
 
-    /// The picture at a flux, W, and a size.
+    /// Picture of the light at a flux, W, and a size.
     fn picture(&self, flux: f64, size: f64) -> Picture {
         let mut x = self.dark.clone();
         x.radiance[self.light] = flux / (self.unit * size * size);
@@ -137,20 +139,20 @@ impl OneLight {
     }
 }
 
-/// Renders one basis of the scene under its light called `key`, else the first that has a
-/// size, and lays out its pictures.
+/// Renders one basis of the scene under its light called `key`, else under the first that has a size,
+/// and lays out pictures of it at several sizes and fluxes.
 ///
 /// # Errors
 /// When no light has a size, or the render fails.
 pub fn grid(
     scene: &Scene,
-    wishes: &Wishes,
+    constraints: &Constraints,
     settings: &Settings,
     observer: &impl Observer,
 ) -> Result<Grid, FluxError> {
     let camera = scene.camera.resized(settings.size);
     let view = View { scene, camera: &camera };
-    let one = OneLight::render(view, wishes, settings, observer)?;
+    let one = OneLight::render(view, constraints, settings, observer)?;
     let light = &scene.lights[one.light];
     let mask = aov::trace(view, 1.0).mask;
     let reference = one.picture(1.0, one.sizes[REFERENCE]);
@@ -175,7 +177,8 @@ pub fn grid(
     })
 }
 
-/// The gain at which the mean display luminance is [`WELL_LIT`]; `None` of a black picture.
+/// Gain at which the mean display luminance of the linear luminances `y` is [`WELL_LIT`]; `None` if all
+/// are 0.
 fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
     let is_lit = y.iter().sum::<f64>() > 0.0;
     is_lit.then(|| gain_for(y, |_| 1.0, WELL_LIT, exposure, LuminanceMode::Srgb))

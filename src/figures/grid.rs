@@ -5,46 +5,50 @@ use image::RgbImage;
 
 use super::canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, length, text};
 
-/// A picture of a grid.
+/// A picture of a grid, with its caption.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// The picture; all of a grid have one size.
+    /// The picture; all pictures of a grid have the same size.
     pub picture: RgbImage,
-    /// Lines below it; all cells have the same number.
+    /// Lines of the caption below the picture; all cells of a grid have as many.
     pub caption: Vec<String>,
 }
 
 /// A row of pictures.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// Beside it, read upward.
+    /// Name beside the row, read upward.
     pub name: String,
-    /// From left to right.
+    /// Pictures from left to right.
     pub cells: Vec<Cell>,
 }
 
 /// A grid of pictures.
 #[derive(Clone, Debug)]
 pub struct Grid {
-    /// Above the columns.
+    /// Headings above the columns.
     pub columns: Vec<String>,
-    /// From top to bottom.
+    /// Rows from top to bottom.
     pub rows: Vec<Row>,
-    /// Named along the columns and along the rows, where they are scales.
+    /// Names of the scales along the columns and along the rows; `None` where they are no scales.
     pub axes: Option<[String; 2]>,
 }
 
 /// Lengths of a grid, pixels.
 struct Measures {
+    /// Width and height of a picture.
     picture: (u32, u32),
-    /// Height of headings, and of captions.
+    /// Height of the letters of headings.
     heading: u32,
+    /// Height of the letters of captions.
     caption: u32,
+    /// Distance between pictures.
     gap: u32,
-    /// Of the pictures, from the left and from the top.
+    /// Distance of the pictures from the left edge.
     left: u32,
+    /// Distance of the pictures from the upper edge.
     top: u32,
-    /// From one row to the next.
+    /// Distance from one row to the next.
     pitch: u32,
 }
 
@@ -69,13 +73,14 @@ impl Measures {
         }
     }
 
+    /// Upper left corner of a picture.
     fn corner(&self, column: usize, row: usize) -> (u32, u32) {
         (self.left + column as u32 * (self.picture.0 + self.gap), self.top + row as u32 * self.pitch)
     }
 }
 
 impl Grid {
-    /// Draws it.
+    /// Draws the grid.
     ///
     /// # Errors
     /// When the font or the canvas fails.
@@ -93,6 +98,7 @@ impl Grid {
         Ok(canvas)
     }
 
+    /// Writes headings, names and captions.
     fn letter(&self, m: &Measures, n_columns: usize, area: &Area) -> Result<(), FigureError> {
         let (w, h) = m.picture;
         // The strip nearest to the pictures is that of the names.
@@ -126,7 +132,7 @@ impl Grid {
     }
 }
 
-/// The height, `size` at most, at which none of the words is longer than `room`.
+/// Largest height of letters, `size` at most, at which none of the words is longer than `room`.
 fn fitting<'a>(
     mut words: impl Iterator<Item = &'a String>,
     size: u32,

@@ -12,33 +12,33 @@ use sha2::{Digest, Sha256};
 
 use super::Part;
 
-/// Name of the manifest; the file that makes a directory one of figures.
+/// Name of the manifest, the file that makes a directory one of figures.
 pub const MANIFEST: &str = "manifest.json";
-/// Table of seconds: the only file of the figures that differs between equal runs.
+/// Name of the table of seconds, the only file of the figures that differs between equal runs.
 pub const TIMINGS: &str = "timings.csv";
-/// Log of seconds in a run directory.
+/// Name of the log of seconds in a run directory.
 const RUN_TIMINGS: &str = "timing.jsonl";
 
-/// What was made, how, and by what.
+/// Contents of the manifest: program, options and files of a set of figures.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Of this program.
+    /// Version of the program.
     pub version: String,
-    /// Commit it was built from.
+    /// Commit from which the program was built.
     pub commit: String,
     /// Version of Embree.
     pub embree: String,
-    /// Seed of everything.
+    /// Seed of all runs.
     pub seed: u64,
-    /// What was asked for.
+    /// Parts that were asked for.
     pub parts: Vec<Part>,
-    /// Sizes, samples and the like.
+    /// Sizes, samples and other options.
     pub options: Value,
-    /// Whether all was made; false while the work goes on, and after an interrupt.
+    /// Whether all parts were made: false while the work goes on, and after an interrupt.
     pub complete: bool,
-    /// SHA-256 by path below the directory.
+    /// SHA-256 of each file, by its path below the directory.
     pub files: BTreeMap<String, String>,
-    /// Files that hold seconds, and so differ from one run to the next.
+    /// Paths of the files that hold seconds, which differ from one run to the next.
     pub timings: Vec<String>,
 }
 
@@ -59,7 +59,7 @@ fn fail(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Manifest
     move |source| ManifestError::Io { path, action, source }
 }
 
-/// Whether figures may be made at `path`, without touching it.
+/// Checks that figures may be made at `path`, without touching it.
 ///
 /// # Errors
 /// When something is there that `force` does not allow to replace.
@@ -76,7 +76,7 @@ pub fn check(path: &Path, force: bool) -> Result<(), ManifestError> {
     }
 }
 
-/// Removes the files of an earlier manifest, and nothing else.
+/// Removes the files that the manifest of a directory lists, and nothing else.
 ///
 /// # Errors
 /// When one cannot be removed.
@@ -101,7 +101,7 @@ pub fn clear(directory: &Path) -> Result<(), ManifestError> {
 }
 
 impl Manifest {
-    /// Takes in all files of a run directory, or a file, below `directory`.
+    /// Adds the file `name` below `directory`, or all files of the directory of that name.
     ///
     /// # Errors
     /// When one cannot be read.

@@ -1,19 +1,19 @@
-//! The tables and figures of \[PG14\], made anew on scenes of the same kind.
+//! Tables and figures of \[PG14\], made anew on scenes of the same kind.
 //!
-//! Nothing here renders: [`Outcome`]s of finished runs go in; pictures, tables and a page
-//! come out, as bytes. Everything depends on the outcomes alone, so that equal runs give
-//! equal files; seconds are kept apart.
+//! [`Outcome`]s of finished runs go in; pictures, tables and a page come out, as bytes. Only [`flux`]
+//! renders. Everything depends on the outcomes alone, so that equal runs give equal files; seconds are
+//! kept apart.
 //!
-//! | module | what it makes |
+//! | module | what it holds |
 //! | --- | --- |
-//! | [`study`] | which scenes are lit how, and what was found |
-//! | [`published`] | the numbers of the paper |
+//! | [`study`] | the scenes with what is free in them, and outcomes of their runs |
+//! | [`published`] | numbers printed in the paper |
 //! | [`canvas`], [`grid`] | labelled pictures side by side |
 //! | [`flux`] | one light at several sizes and fluxes |
 //! | [`table`], [`tables`] | CSV, LaTeX and HTML |
-//! | [`reached`], [`convergence`] | plots |
+//! | [`reached`], [`convergence`] | plots of terms within reach, and of f_q along a search |
 //! | [`page`] | one self-contained HTML page |
-//! | [`manifest`] | hashes of all that was written |
+//! | [`manifest`] | the list of all files with their hashes |
 
 pub mod canvas;
 pub mod convergence;
@@ -30,35 +30,33 @@ pub mod tables;
 pub use canvas::{Canvas, FigureError};
 pub use study::{LOOKS, Outcome, STUDIES, Study};
 
-/// What can be made.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize, clap::ValueEnum,
-)]
+/// A figure or table that can be made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[value(rename_all = "lower")]
 pub enum Part {
-    /// One light at several sizes and fluxes
+    /// Figure 2: one light at several sizes and fluxes.
     Fig2,
-    /// Girl and creature: start, high-key, low-key
+    /// Figure 3: girl and creature at the start, in high-key and in low-key.
     Fig3,
-    /// Girl and creature when the background is free, which the paper does not show
+    /// Girl and creature with the background's value free, which the paper does not show.
     Background,
-    /// Fruit basket: start, high-key, low-key, its background as it is and free
+    /// Figure 4: the fruit basket at the start, in high-key and in low-key, with its background's value
+    /// fixed and free.
     Fig4,
-    /// Targets and weights
+    /// Table 1: targets and weights.
     Table1,
-    /// Terms found for every scene
+    /// Table 2: terms found for every scene.
     Table2,
-    /// Terms found when the background is free
+    /// Table 3: terms found with the background's value free.
     Table3,
-    /// What the lights can reach of every term, beside what was found
+    /// Terms found, beside the least that the lights can reach of each.
     Gaps,
-    /// Paper mode and default mode compared: `f_q` as the search goes on, and seconds
+    /// Paper mode and default mode compared: f_q along the search, and seconds.
     Convergence,
 }
 
 impl Part {
-    /// All of them.
+    /// All parts, in the order in which they are made.
     pub const ALL: [Self; 9] = [
         Self::Fig2,
         Self::Fig3,
@@ -71,7 +69,7 @@ impl Part {
         Self::Convergence,
     ];
 
-    /// The runs it shows.
+    /// Studies whose runs the part shows.
     #[must_use]
     pub fn studies(self) -> Vec<Study> {
         match self {
@@ -85,7 +83,7 @@ impl Part {
         }
     }
 
-    /// Whether it shows the fruit basket besides.
+    /// Whether the part renders the fruit basket apart from the studies.
     #[must_use]
     pub fn needs_basket(self) -> bool {
         matches!(self, Self::Fig2 | Self::Convergence)

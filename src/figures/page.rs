@@ -9,16 +9,16 @@ use super::{
     table::{Table, html_words},
 };
 
-/// A part of the page.
+/// A part of a page.
 #[derive(Clone, Debug)]
 pub enum Block {
     /// A heading.
     Heading(String),
     /// A PNG with its caption.
     Figure {
-        /// The file.
+        /// Bytes of the PNG file.
         png: Vec<u8>,
-        /// Below it.
+        /// Caption below the picture.
         caption: String,
     },
     /// A table.
@@ -27,6 +27,7 @@ pub enum Block {
     Notes(Vec<String>),
 }
 
+/// Style sheet of a page.
 const STYLE: &str = "
 body { font: 16px/1.5 system-ui, 'DejaVu Sans', sans-serif; color: #222; max-width: 1180px; margin: 2.5rem auto; padding: 0 1.5rem; }
 h1 { font-size: 1.7rem; margin-bottom: .2rem; }
@@ -43,7 +44,7 @@ tr.begins td { border-top: 1px solid #ccc; }
 .notes { color: #555; font-size: .85rem; max-width: 62rem; } .notes p { margin: .4rem 0; }
 ";
 
-/// The page: `title`, a line below it, and the blocks.
+/// HTML of a page: `title`, the line `lead` below it, and the blocks.
 ///
 /// # Errors
 /// Never: writing to a string does not fail.

@@ -1,19 +1,28 @@
-//! The numbers of \[PG14\] that are known here: f_q and, for low-key, the histogram term.
+//! Numbers printed in \[PG14\]: f_q and, for low-key, the histogram term.
 
 use super::Study;
+use crate::objective::Term;
 
-/// Published numbers of a scene and a look.
+/// Published numbers of a scene and a look; `None` where the paper's are not known.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Published {
-    /// f_q as printed.
+    /// f_q, as printed.
     pub f_q: Option<f64>,
-    /// Weighted sum of the printed terms.
+    /// Weighted sum of the six terms, as printed.
     pub sum: Option<f64>,
-    /// The histogram term.
+    /// f of the histogram term, as printed.
     pub hist: Option<f64>,
 }
 
-/// What the paper printed; `look` is an index into [`super::LOOKS`].
+impl Published {
+    /// f of a term, as printed; `None` where it is not known.
+    #[must_use]
+    pub fn f(&self, term: Term) -> Option<f64> {
+        self.hist.filter(|_| term == Term::Hist)
+    }
+}
+
+/// Published numbers of a study and a look, an index into [`super::LOOKS`].
 #[must_use]
 pub fn of(study: &Study, look: usize) -> Published {
     let (f_q, hist) = match (study.title, study.background) {
@@ -30,7 +39,7 @@ pub fn of(study: &Study, look: usize) -> Published {
     }
 }
 
-/// What a reader of Table 2 should know of the paper's numbers; of Table 3, all but the last.
+/// Notes about the paper's numbers below Table 2; below Table 3 all but the last.
 pub const NOTES: [&str; 4] = [
     "Published numbers are of the paper's own scenes, which are not available; these are of the same kind. \
      A dash: not known to us, or without meaning there.",

@@ -1,4 +1,4 @@
-//! A plot of what the lights can reach of every term, beside what was found.
+//! Plot of the terms found, beside the least that the lights can reach of each.
 
 use plotters::prelude::*;
 
@@ -9,24 +9,32 @@ use super::{
 };
 use crate::objective::Term;
 
-/// Lengths, pixels.
+/// Width and height of a panel, pixels.
 const PANEL: (i32, i32) = (286, 168);
+/// Distance between panels, pixels.
 const GAP: i32 = 36;
+/// Left margin, with the names of looks and terms, pixels.
 const LEFT: i32 = 148;
+/// Upper margin, with the legend and the names of scenes, pixels.
 const TOP: i32 = 78;
+/// Lower margin, with the scale, pixels.
 const BOTTOM: i32 = 56;
-/// Height of the letters.
+/// Height of the letters, pixels.
 const LETTERS: u32 = 15;
-/// The largest f shown, and the marks below.
+/// Largest f that is shown: f of the gradient may exceed 1.
 const MOST: f64 = 1.25;
+/// Values of f at the marks of the scale.
 const TICKS: [f64; 6] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25];
 
+/// Colour of values of a term that are out of reach.
 const OUT_OF_REACH: RGBColor = RGBColor(205, 205, 205);
+/// Colour of terms found.
 const FOUND: RGBColor = RGBColor(0, 96, 160);
+/// Colour of published terms.
 const PAPER: RGBColor = RGBColor(200, 80, 0);
 
-/// Draws a panel per outcome: a column per scene; by look a row with the background fixed,
-/// and one with it free.
+/// Draws a panel for each outcome: a column for each scene, and for each look a row with the
+/// background's value fixed and one with it free.
 ///
 /// # Errors
 /// When the font or the canvas fails.
@@ -55,7 +63,7 @@ pub fn plot(outcomes: &[&Outcome]) -> Result<Canvas, FigureError> {
             let word = if *background { "background free" } else { "background fixed" };
             text(area, LOOKS[*look], (16, middle), LETTERS, INK, Anchor::Upward)?;
             text(area, word, (38, middle), LETTERS - 1, FAINT, Anchor::Upward)?;
-            for (k, term) in Term::ALL.iter().enumerate() {
+            for (k, term) in Term::standing().enumerate() {
                 text(area, term.name(), (LEFT - 10, row(y_of(j), k)), LETTERS, INK, Anchor::Right)?;
             }
             for (i, title) in titles.iter().enumerate() {
@@ -69,16 +77,18 @@ pub fn plot(outcomes: &[&Outcome]) -> Result<Canvas, FigureError> {
     })
 }
 
-/// Middle of a term's row in the panel at `y`.
+/// Vertical position of the middle of a term's row, in the panel whose upper edge is at `y`.
 fn row(y: i32, term: usize) -> i32 {
-    y + PANEL.1 * (2 * term as i32 + 1) / 12
+    y + PANEL.1 * (2 * term as i32 + 1) / (2 * Term::standing().count() as i32)
 }
 
-/// Where f lies in the panel at `x`.
+/// Horizontal position of the value `f`, in the panel whose left edge is at `x`.
 fn across(x: i32, f: f64) -> i32 {
     x + (f64::from(PANEL.0) * (f / MOST).clamp(0.0, 1.0)).round() as i32
 }
 
+/// Draws the terms of an outcome in the panel whose upper left corner is (x, y); the last row has the
+/// scale below.
 fn panel(area: &Area, found: Option<&Outcome>, (x, y): (i32, i32), is_last: bool) -> Result<(), FigureError> {
     let (right, bottom) = (x + PANEL.0, y + PANEL.1);
     for tick in TICKS {
@@ -94,24 +104,25 @@ fn panel(area: &Area, found: Option<&Outcome>, (x, y): (i32, i32), is_last: bool
     line(area, &[(x, y), (right, y), (right, bottom), (x, bottom), (x, y)], BLACK.mix(0.5), 1)?;
     let Some(outcome) = found else { return Ok(()) };
     let paper = published::of(&outcome.study, outcome.look);
-    for (k, term) in Term::ALL.into_iter().enumerate() {
+    for (k, found) in outcome.found.terms().enumerate() {
         let at = row(y, k);
-        if let Some(reach) = outcome.reach.iter().find(|r| r.term == term) {
+        if let Some(reach) = outcome.reach.iter().find(|r| r.term == found.term) {
             bar(area, [(x, at - 8), (across(x, reach.floor), at + 8)], OUT_OF_REACH)?;
         }
-        dot(area, (across(x, outcome.found.get(term).f), at), 5, FOUND)?;
-        if let Some(hist) = paper.hist.filter(|_| term == Term::Hist) {
-            diamond(area, (across(x, hist), at))?;
+        dot(area, (across(x, found.f), at), 5, FOUND)?;
+        if let Some(f) = paper.f(found.term) {
+            diamond(area, (across(x, f), at))?;
         }
     }
     Ok(())
 }
 
+/// Draws the mark of a published term.
 fn diamond(area: &Area, (x, y): (i32, i32)) -> Result<(), FigureError> {
     line(area, &[(x - 6, y), (x, y - 6), (x + 6, y), (x, y + 6), (x - 6, y)], PAPER.to_rgba(), 2)
 }
 
-/// What the marks mean, in a line at the top.
+/// Draws what the marks mean, in a line at the top.
 fn legend(area: &Area) -> Result<(), FigureError> {
     let y = 22;
     let letter = |words, x| text(area, words, (x, y), LETTERS, INK, Anchor::Left);

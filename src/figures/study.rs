@@ -1,26 +1,26 @@
-//! Which scenes are lit how, and what was found.
+//! Studies: scenes with what is free in them, and the outcomes of their runs.
 
 use image::RgbImage;
 
 use crate::{design::attainable::Reach, objective::Evaluation, variables::FreeKinds};
 
-/// The looks, by the names of their built-in targets.
+/// Names of the looks, which are those of their built-in targets.
 pub const LOOKS: [&str; 2] = ["high-key", "low-key"];
 
-/// A scene lit for both looks.
+/// A scene that is lit for both looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Study {
-    /// Name in tables.
+    /// Name of the scene in tables.
     pub title: &'static str,
-    /// Scene file, below the directory of scenes.
+    /// Path of the scene file below the directory of scenes.
     pub scene: &'static str,
-    /// Whether the background's value is free, besides radiance and size.
+    /// Whether the background's value is free, in addition to radiance and size of the lights.
     pub background: bool,
-    /// Directory of its runs, below that of all.
+    /// Name of the directory of its runs, below that of all runs.
     pub directory: &'static str,
 }
 
-/// The runs of the paper, and those of girl and creature with the background free.
+/// Studies of the paper, and those of girl and creature with the background's value free.
 pub const STUDIES: [Study; 6] = [
     study("Girl", GIRL, false, "girl"),
     study("Creature", CREATURE, false, "creature"),
@@ -30,20 +30,22 @@ pub const STUDIES: [Study; 6] = [
     study(BASKET_TITLE, BASKET, true, "fruit-basket-background"),
 ];
 
+/// Path of the girl's scene file below the directory of scenes.
 const GIRL: &str = "fetched/girl.obj";
+/// Path of the creature's scene file below the directory of scenes.
 const CREATURE: &str = "fetched/creature.obj";
-/// Name of the fruit basket.
+/// Name of the fruit basket in tables.
 pub const BASKET_TITLE: &str = "Fruit basket";
 
 const fn study(title: &'static str, scene: &'static str, background: bool, directory: &'static str) -> Study {
     Study { title, scene, background, directory }
 }
 
-/// Scene file of the fruit basket.
+/// Path of the fruit basket's scene file below the directory of scenes.
 pub const BASKET: &str = "fruit_basket.obj";
 
 impl Study {
-    /// What may vary.
+    /// Kinds of variables that are free.
     #[must_use]
     pub fn free(&self) -> FreeKinds {
         FreeKinds::named(if self.background {
@@ -53,34 +55,34 @@ impl Study {
         })
     }
 
-    /// Whether the background varies, in a word.
+    /// Word for whether the background's value is free: `free` or `fixed`.
     #[must_use]
     pub fn background_word(&self) -> &'static str {
         if self.background { "free" } else { "fixed" }
     }
 }
 
-/// What was found for a study and a look.
+/// Outcome of the run of a study for one look.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The study.
     pub study: Study,
-    /// Index into [`LOOKS`].
+    /// Index of the look in [`LOOKS`].
     pub look: usize,
-    /// f_q of the start.
+    /// f_q at the start.
     pub f_q_initial: f64,
-    /// f_q and terms of what was found, at the working size, freed of noise bias.
+    /// f_q and terms of the lights found, at the working size, corrected for noise bias.
     pub found: Evaluation,
-    /// Half width of the 95 % interval of its f_q, with the noise correction.
+    /// Half width of the 95 % interval of that f_q, with the noise correction.
     pub error: f64,
-    /// f_q of the final picture.
+    /// f_q of the final picture, at full size.
     pub f_q_final: f64,
-    /// What of each term the lights reach, the lights found among them.
+    /// Range of each term within reach of the lights, including the lights found.
     pub reach: Vec<Reach>,
-    /// Why it may not be what was meant.
+    /// Reason why the result may not be what was meant.
     pub caution: Option<String>,
-    /// The picture at the start.
+    /// Picture at the start, encoded for display.
     pub initial: RgbImage,
-    /// The picture found.
+    /// Picture of the lights found, encoded for display.
     pub last: RgbImage,
 }

@@ -2,14 +2,16 @@
 
 use std::fmt::{self, Write as _};
 
-/// What stands in a table.
+use crate::files::csv_file;
+
+/// An entry of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
-    /// Words.
+    /// Text.
     Text(String),
-    /// A number, and the decimals it is shown with.
+    /// A number, and the number of decimals with which it is shown.
     Number(f64, usize),
-    /// Not known, or without meaning here.
+    /// A dash, for what is not known or has no meaning.
     Dash,
 }
 
@@ -20,7 +22,7 @@ impl Entry {
         Self::Number(value, 3)
     }
 
-    /// A number with three decimals, or a dash.
+    /// A number shown with three decimals; a dash for `None`.
     #[must_use]
     pub fn known(value: Option<f64>) -> Self {
         value.map_or(Self::Dash, Self::number)
@@ -39,27 +41,27 @@ impl From<String> for Entry {
     }
 }
 
-/// A table.
+/// A table of text and numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Above it.
+    /// Caption above the table.
     pub caption: String,
     /// Heading of each column.
     pub header: Vec<&'static str>,
-    /// Rows of as many entries.
+    /// Rows, each of as many entries as there are columns.
     pub rows: Vec<Vec<Entry>>,
-    /// Leading columns whose entries are shown once for rows that share them.
+    /// Number of leading columns whose entries are shown once for rows that share them.
     pub grouped: usize,
 }
 
-/// A way of writing.
+/// Markup language of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Markup {
     Latex,
     Html,
 }
 
-/// Symbols by their spelling in captions and headings: LaTeX, HTML.
+/// Symbols by their spelling in captions and headings, with those of LaTeX and HTML.
 const SYMBOLS: [(&str, &str, &str); 11] = [
     ("f_q", "$f_q$", "<i>f</i><sub>q</sub>"),
     ("Σ w f", r"$\sum w f$", "Σ <i>w f</i>"),
@@ -74,7 +76,7 @@ const SYMBOLS: [(&str, &str, &str); 11] = [
     ("—", "---", "—"),
 ];
 
-/// Words with their special characters escaped and their symbols set.
+/// Text with special characters escaped and symbols replaced.
 fn set(words: &str, markup: Markup) -> String {
     let mut out = String::new();
     let mut rest = words;
@@ -99,12 +101,13 @@ fn set(words: &str, markup: Markup) -> String {
     out
 }
 
-/// Words as HTML.
+/// Text as HTML, with special characters escaped and symbols replaced.
 #[must_use]
 pub fn html_words(words: &str) -> String {
     set(words, Markup::Html)
 }
 
+/// Text of an entry.
 fn shown(entry: &Entry, markup: Markup) -> String {
     match entry {
         Entry::Text(words) => set(words, markup),
@@ -113,15 +116,15 @@ fn shown(entry: &Entry, markup: Markup) -> String {
     }
 }
 
-/// A caption without the `Table 2. ` before it.
+/// A caption without its number, as `Table 2. `.
 fn unnumbered(caption: &str) -> &str {
     let rest = caption.strip_prefix("Table ").and_then(|rest| rest.split_once(". "));
     rest.filter(|(number, _)| number.parse::<u32>().is_ok()).map_or(caption, |(_, words)| words)
 }
 
 impl Table {
-    /// The row's entries from the first column in which it differs from the row before, the
-    /// shared ones being empty; and whether a new group begins.
+    /// Text of a row's entries, empty for the grouped ones that it shares with the row before, and whether
+    /// the row begins a group.
     fn visible(&self, row: usize, markup: Markup) -> (Vec<String>, bool) {
         let now = &self.rows[row];
         let before = row.checked_sub(1).map(|r| &self.rows[r]);
@@ -132,36 +135,30 @@ impl Table {
         (words.collect(), self.grouped > 0 && shared < self.grouped && row > 0)
     }
 
-    /// Whether a column holds numbers.
+    /// Whether a column has a number.
     fn is_number(&self, column: usize) -> bool {
         self.rows.iter().any(|r| matches!(r.get(column), Some(Entry::Number(..))))
     }
 
     /// Comma-separated: names spelt out in every row, numbers in full precision, nothing for a dash.
-    #[must_use]
-    pub fn csv(&self) -> String {
-        let quoted = |words: &str| {
-            if words.contains([',', '"', '\n']) {
-                format!("\"{}\"", words.replace('"', "\"\""))
-            } else {
-                words.to_owned()
-            }
+    ///
+    /// # Errors
+    /// When a row has more or fewer entries than the header.
+    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
+        let field = |entry: &Entry| match entry {
+            Entry::Text(words) => words.clone(),
+            Entry::Number(value, 0) => format!("{value:.0}"),
+            Entry::Number(value, _) => format!("{value:?}"),
+            Entry::Dash => String::new(),
         };
-        let mut text: String = self.header.iter().map(|h| quoted(h)).collect::<Vec<_>>().join(",") + "\n";
-        for row in &self.rows {
-            let entries = row.iter().map(|e| match e {
-                Entry::Text(words) => quoted(words),
-                Entry::Number(value, 0) => format!("{value:.0}"),
-                Entry::Number(value, _) => format!("{value:?}"),
-                Entry::Dash => String::new(),
-            });
-            text += &(entries.collect::<Vec<_>>().join(",") + "\n");
-        }
-        text
+        let header: Vec<String> = self.header.iter().map(|&h| h.to_owned()).collect();
+        let rows = self.rows.iter().map(|row| row.iter().map(field).collect());
+        csv_file::encode(std::iter::once(header).chain(rows))
     }
 
-    /// A `table*` environment, made narrower if it were wider than the line; needs the packages
-    /// `booktabs` and `graphicx`. LaTeX numbers it by itself: the caption's own number is left out.
+    /// The table as a LaTeX `table*` environment with notes below, made narrower if it were wider than the
+    /// line. It needs the packages `booktabs` and `graphicx`. LaTeX numbers tables by itself: the caption's
+    /// own number is left out.
     ///
     /// # Errors
     /// Never: writing to a string does not fail.
@@ -192,7 +189,7 @@ impl Table {
         Ok(text)
     }
 
-    /// A `table` element.
+    /// The table as an HTML `table` element.
     ///
     /// # Errors
     /// Never: writing to a string does not fail.
@@ -235,7 +232,7 @@ mod tests {
 
     #[test]
     fn a_csv_is_complete_and_exact() {
-        let csv = table().csv();
+        let csv = String::from_utf8(table().csv().unwrap()).unwrap();
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines[0], "scene,what,f_q,none");
         assert_eq!(lines[1], "a,\"x_1, \"\"y\"\"\",0.123456,");

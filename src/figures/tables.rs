@@ -1,4 +1,4 @@
-//! The tables: targets, what was found, what can be reached.
+//! Tables of targets, of terms found, and of terms within reach.
 
 use super::{
     LOOKS, Outcome, published,
@@ -6,31 +6,29 @@ use super::{
 };
 use crate::{
     design::attainable::Reach,
-    objective::{Evaluation, Target, Term},
+    objective::{Evaluation, Goal, Target, Term, TermValue},
 };
 
-/// Headings of the terms, in the order of [`Term::ALL`].
-const TERMS: [&str; 6] = ["meanObj", "meanBack", "varObj", "varBack", "grad", "hist"];
-
+/// Headings of a table with a column for each term between `first` and `last`.
 fn header(first: &[&'static str], last: &[&'static str]) -> Vec<&'static str> {
-    [first, &TERMS, last].concat()
+    let terms: Vec<&str> = Term::standing().map(Term::name).collect();
+    [first, &terms, last].concat()
 }
 
-/// Table 1: targets and weights, as they are built in; the paper's.
+/// Table 1: the paper's targets and weights, as they are built in.
 #[must_use]
 pub fn targets(targets: &[Target; 2]) -> Table {
-    let values = |target: &Target| {
-        Term::ALL.map(|t| match t {
-            Term::Hist => format!("“{}”", target.signature().name()).into(),
-            _ => Entry::Number(target.target(t), 2),
-        })
+    let values = |target: &Target| -> Vec<Entry> {
+        let entry = |(_, goal): (Term, &Goal)| match goal {
+            Goal::Value(value) => Entry::Number(*value, 2),
+            Goal::Signature(signature) => format!("“{}”", signature.name()).into(),
+        };
+        target.goals().map(entry).collect()
     };
-    let mut rows: Vec<Vec<Entry>> = targets
-        .iter()
-        .map(|t| [vec![format!("target, {}", t.name()).into()], values(t).to_vec()].concat())
-        .collect();
-    let weights = Term::ALL.map(|t| Entry::Number(targets[0].weight(t), 1));
-    rows.push([vec!["weight".into()], weights.to_vec()].concat());
+    let mut rows: Vec<Vec<Entry>> =
+        targets.iter().map(|t| [vec![format!("target, {}", t.name()).into()], values(t)].concat()).collect();
+    let weights = targets[0].goals().map(|(term, _)| Entry::Number(targets[0].weight(term), 1));
+    rows.push([vec!["weight".into()], weights.collect()].concat());
     Table {
         caption: "Table 1. Targets and weights. All are the paper's, but for the signatures of the \
                   histogram term, which it did not publish."
@@ -41,42 +39,44 @@ pub fn targets(targets: &[Target; 2]) -> Table {
     }
 }
 
+/// Weighted sum of the terms, which is f_q up to rounding.
 fn sum(evaluation: &Evaluation) -> f64 {
-    evaluation.terms.iter().map(|t| t.contribution()).sum()
+    evaluation.terms().map(TermValue::contribution).sum()
 }
 
-/// Tables 2 and 3: the terms found, with the paper's numbers below ours where they are known.
+/// Entry of a term with a measured value; a dash for a distance between distributions.
+fn scalar(term: Term, entry: impl FnOnce() -> Entry) -> Entry {
+    if term.is_distance() { Entry::Dash } else { entry() }
+}
+
+/// Tables 2 and 3: terms found, with the paper's numbers below ours where they are known.
 #[must_use]
 pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
     for (look, name) in LOOKS.iter().enumerate() {
         for (i, outcome) in outcomes.iter().filter(|o| o.look == look).enumerate() {
-            let row = |scene: &str, line: &str, terms: [Entry; 6], last: [Entry; 4]| {
-                [vec![(*name).into(), scene.into(), line.into()], terms.to_vec(), last.to_vec()].concat()
+            let row = |scene: &str, line: &str, entry: &dyn Fn(&TermValue) -> Entry, last: [Entry; 4]| {
+                let terms = outcome.found.terms().map(entry).collect();
+                [vec![(*name).into(), scene.into(), line.into()], terms, last.to_vec()].concat()
             };
             let blank = || [Entry::Dash, Entry::Dash, Entry::Dash, Entry::Dash];
-            let terms = &outcome.found.terms;
             if i == 0 {
-                let wanted = terms.map(|t| match t.term {
-                    Term::Hist => Entry::Dash,
-                    _ => Entry::Number(t.target, 2),
-                });
-                rows.push(row("target", "value", wanted, blank()));
+                let wanted = |t: &TermValue| scalar(t.term, || Entry::Number(t.target, 2));
+                rows.push(row("target", "value", &wanted, blank()));
             }
             let scene = outcome.study.title;
-            let values =
-                terms.map(|t| if t.term == Term::Hist { Entry::Dash } else { Entry::number(t.value) });
-            rows.push(row(scene, "value", values, blank()));
+            let measured = |t: &TermValue| scalar(t.term, || Entry::number(t.value));
+            rows.push(row(scene, "value", &measured, blank()));
             let ours = [sum(&outcome.found), outcome.found.f_q, outcome.error, outcome.f_q_final];
             let ours = ours.map(Entry::number);
-            rows.push(row(scene, "f", terms.map(|t| Entry::number(t.f)), ours));
+            rows.push(row(scene, "f", &|t| Entry::number(t.f), ours));
             let paper = published::of(&outcome.study, look);
             if paper == published::Published::default() {
                 continue;
             }
-            let printed = terms.map(|t| Entry::known(paper.hist.filter(|_| t.term == Term::Hist)));
+            let printed = |t: &TermValue| Entry::known(paper.f(t.term));
             let last = [Entry::known(paper.sum), Entry::known(paper.f_q), Entry::Dash, Entry::Dash];
-            rows.push(row(scene, "f, published", printed, last));
+            rows.push(row(scene, "f, published", &printed, last));
         }
     }
     Table {
@@ -87,14 +87,13 @@ pub fn found(outcomes: &[&Outcome], caption: &str) -> Table {
     }
 }
 
-/// Weighted sum of the least f of each term by itself: a bound of f_q from below, as far as
-/// the scan saw.
+/// Weighted sum of the least f of each term by itself, a lower bound of f_q as far as the scan saw.
 #[must_use]
 pub fn sum_of_floors(outcome: &Outcome) -> f64 {
-    outcome.reach.iter().map(|r| r.floor * outcome.found.get(r.term).weight).sum()
+    outcome.reach.iter().map(|r| r.floor * outcome.found[r.term].weight).sum()
 }
 
-/// What the lights can reach of every term by itself, beside what was found.
+/// Table of the range of each term within reach by itself, beside the terms found.
 #[must_use]
 pub fn gaps(outcomes: &[&Outcome]) -> Table {
     let mut rows: Vec<Vec<Entry>> = Vec::new();
@@ -102,19 +101,19 @@ pub fn gaps(outcomes: &[&Outcome]) -> Table {
         let names = [outcome.study.title, outcome.study.background_word(), LOOKS[outcome.look]];
         let of = |entry: &dyn Fn(&Reach) -> Entry| {
             let find = |t: Term| outcome.reach.iter().find(|r| r.term == t).map_or(Entry::Dash, entry);
-            Term::ALL.map(find).to_vec()
+            Term::standing().map(find).collect()
         };
         let row = |line: &str, terms: Vec<Entry>, total: Entry| {
             let first = names.map(Entry::from).to_vec();
             [first, vec![line.into()], terms, vec![total]].concat()
         };
-        let wanted = of(&|r| if r.term == Term::Hist { Entry::Dash } else { Entry::Number(r.target, 2) });
+        let wanted = of(&|r| scalar(r.term, || Entry::Number(r.target, 2)));
         rows.push(row("target", wanted, Entry::Dash));
         let range = of(&|r| format!("{:.2}–{:.2}", r.least, r.largest).into());
         rows.push(row("reachable", range, Entry::Dash));
         let floors = of(&|r| Entry::number(r.floor));
         rows.push(row("least f", floors, Entry::number(sum_of_floors(outcome))));
-        let found = outcome.found.terms.map(|t| Entry::number(t.f)).to_vec();
+        let found = outcome.found.terms().map(|t| Entry::number(t.f)).collect();
         rows.push(row("f found", found, Entry::number(sum(&outcome.found))));
     }
     Table {
@@ -131,10 +130,7 @@ pub fn gaps(outcomes: &[&Outcome]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        figures::STUDIES,
-        objective::{Objective, TermValue},
-    };
+    use crate::{figures::STUDIES, objective::Objective};
 
     fn outcome(look: usize) -> Outcome {
         let target = Target::resolve(LOOKS[look]).unwrap();
@@ -151,7 +147,7 @@ mod tests {
             study: STUDIES[0],
             look,
             f_q_initial: 1.0,
-            reach: found.terms.iter().map(reach).collect(),
+            reach: found.terms().map(reach).collect(),
             f_q_final: found.f_q,
             found,
             error: 0.01,

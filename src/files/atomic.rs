@@ -2,7 +2,8 @@
 //!
 //! The content goes to a temporary file beside the destination, is synced, and takes the
 //! destination's name in one step; a reader, or a run killed half-way, sees the old file
-//! or the new one, never a part.
+//! or the new one, never a part. A destination that is a link stays one, and what it leads to is
+//! replaced; a file that is replaced keeps its permissions.
 
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
@@ -13,25 +14,26 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use thiserror::Error;
 
-/// A file could not be brought to its place.
+/// Why a file could not be brought to its place.
 #[derive(Debug, Error)]
 #[error("{path}: cannot {action}", path = .path.display())]
 pub struct AtomicWriteError {
-    /// The destination.
+    /// Path of the destination.
     pub path: PathBuf,
-    /// The step that failed.
+    /// Step that failed, as the end of "cannot …".
     pub action: &'static str,
-    /// Why.
+    /// Error of the file system.
     #[source]
     pub source: io::Error,
 }
 
-/// Distinguishes the temporary files of one process.
+/// Number of temporary files that this process has made, which tells their names apart.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
-/// Removes the temporary file unless it has become the destination; also when `write` panics.
+/// A temporary file that is removed when dropped, also by a panic of the writer.
 struct Temporary {
     path: PathBuf,
+    /// Whether the file still has its temporary name.
     armed: bool,
 }
 
@@ -47,7 +49,7 @@ impl Drop for Temporary {
 /// Writes `path` through `write`, whole or not at all; an existing file is replaced.
 ///
 /// # Errors
-/// What `write` returns, or the step that failed. The destination is then as before and
+/// The error that `write` returns, or the step that failed. The destination is then as before and
 /// no temporary file remains.
 pub fn write_atomically<T, E>(
     path: &Path,
@@ -60,6 +62,7 @@ where
         let path = path.to_owned();
         move |source| AtomicWriteError { path, action, source }
     };
+    let (path, permissions) = &destination(path).map_err(fail("follow the link"))?;
     let Some(name) = path.file_name() else {
         let source = io::Error::new(io::ErrorKind::InvalidInput, "the path names no file");
         return Err(fail("create the file")(source).into());
@@ -80,6 +83,9 @@ where
         .open(&temporary_path)
         .map_err(fail("create the file"))?;
     let mut temporary = Temporary { path: temporary_path, armed: true };
+    if let Some(permissions) = permissions {
+        file.set_permissions(permissions.clone()).map_err(fail("set the permissions"))?;
+    }
     let mut writer = BufWriter::new(file);
     let result = write(&mut writer)?;
     writer.flush().map_err(fail("write the file"))?;
@@ -91,19 +97,58 @@ where
     Ok(result)
 }
 
-/// The destination's name, when `name` is that of a temporary file.
+/// Links followed at most from one to the next; the kernel's own limit.
+const MAX_LINKS: usize = 40;
+
+/// The path of the file that a path means, links followed, and the permissions of what is there.
+fn destination(path: &Path) -> io::Result<(PathBuf, Option<fs::Permissions>)> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match fs::symlink_metadata(&path) {
+            Ok(found) if found.is_symlink() => {
+                let target = fs::read_link(&path)?;
+                path = path.parent().unwrap_or(Path::new("")).join(target);
+            }
+            Ok(found) => return Ok((path, Some(found.permissions()))),
+            Err(_) => return Ok((path, None)),
+        }
+    }
+    Err(io::Error::other("too many links"))
+}
+
+/// Removes what processes that are gone left half-written in a directory, of the destinations whose
+/// names `is_ours` accepts. What cannot be read or removed stays.
+pub fn sweep(directory: &Path, is_ours: impl Fn(&str) -> bool) {
+    for entry in fs::read_dir(directory).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some((destination, process)) = name.to_str().and_then(parse_temporary) else { continue };
+        let is_gone = !Path::new("/proc").join(process).exists();
+        if is_gone && Path::new("/proc/self").exists() && is_ours(destination) {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Name of the destination of the temporary file called `name`; `None` when `name` is not
+/// that of a temporary file.
 #[must_use]
 pub fn temporary_of(name: &str) -> Option<&str> {
+    parse_temporary(name).map(|(destination, _)| destination)
+}
+
+/// Names of the destination of a temporary file and of the process that made it.
+fn parse_temporary(name: &str) -> Option<(&str, &str)> {
     let (destination, id) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
     let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
     let (process, count) = id.split_once('-')?;
-    (is_number(process) && is_number(count)).then_some(destination)
+    (is_number(process) && is_number(count)).then_some((destination, process))
 }
 
-/// Finds out whether `path` can be written, before long work ends there.
+/// Checks whether a file can be written at `path`, before the long work whose result goes
+/// there. An existing file is left as it is.
 ///
 /// # Errors
-/// What would stop [`write_atomically`].
+/// When [`write_atomically`] would fail, with its error.
 pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
     if path.is_dir() {
         let source = io::Error::new(io::ErrorKind::IsADirectory, "it is a directory");
@@ -125,7 +170,7 @@ pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
     }
 }
 
-/// Makes the new name survive a power cut.
+/// Writes the entries of a directory to disk, so that a new name survives a power cut.
 #[cfg(unix)]
 fn sync_directory(directory: &Path) -> io::Result<()> {
     File::open(directory)?.sync_all()
@@ -189,6 +234,48 @@ mod tests {
         assert!(panicked.is_err());
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(directory.path()), ["a.txt"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_links_and_permissions_stay() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        fs::create_dir(at("deep")).unwrap();
+        fs::write(at("deep/file"), "old").unwrap();
+        fs::set_permissions(at("deep/file"), fs::Permissions::from_mode(0o640)).unwrap();
+        symlink("deep/file", at("link")).unwrap();
+        symlink("link", at("link to a link")).unwrap();
+        symlink("deep/new", at("dangling")).unwrap();
+        symlink("loop", at("loop")).unwrap();
+        let write = |name: &str| {
+            write_atomically::<_, TestError>(&at(name), |file| {
+                file.write_all(name.as_bytes()).unwrap();
+                Ok(())
+            })
+        };
+        write("link to a link").unwrap();
+        assert_eq!(fs::read_to_string(at("deep/file")).unwrap(), "link to a link");
+        assert_eq!(fs::metadata(at("deep/file")).unwrap().permissions().mode() & 0o777, 0o640);
+        write("dangling").unwrap();
+        assert_eq!(fs::read_to_string(at("deep/new")).unwrap(), "dangling");
+        assert!(fs::symlink_metadata(at("link")).unwrap().is_symlink());
+        let error = write("loop").unwrap_err().to_string();
+        assert!(error.contains("loop") && error.contains("follow the link"), "{error}");
+        assert_eq!(names(&at("deep")), ["file", "new"]);
+    }
+
+    #[test]
+    fn what_dead_processes_left_is_swept_and_what_living_ones_write_stays() {
+        let directory = tempfile::tempdir().unwrap();
+        // Process numbers end at 2^22.
+        let (dead, alive) = (4_194_304, process::id());
+        let left =
+            [format!(".a.basis.{dead}-0.tmp"), format!(".b.basis.{alive}-3.tmp"), format!(".c.{dead}-1.tmp")];
+        left.iter().for_each(|name| fs::write(directory.path().join(name), "half").unwrap());
+        sweep(directory.path(), |name| name.ends_with(".basis"));
+        assert_eq!(names(directory.path()), [left[1].clone(), left[2].clone()]);
     }
 
     #[test]

@@ -1,9 +1,10 @@
-//! Files that users write and read: encodings, TOML with helpful errors, atomic writing.
+//! Files that users write and read: encodings, TOML with helpful errors, CSV, atomic writing.
 
 pub mod atomic;
+pub mod csv_file;
 mod nearest;
 pub mod text;
 pub mod toml_file;
 
 pub use atomic::write_atomically;
-pub use nearest::nearest;
+pub use nearest::{did_you_mean, nearest};

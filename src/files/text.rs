@@ -1,9 +1,9 @@
-//! Text whose encoding the file does not say.
+//! Decoding of text files that do not state their encoding.
 
 use std::borrow::Cow;
 
-/// Decodes UTF-16 by its byte order mark, UTF-8, and what is neither as Latin-1, in
-/// which every byte is a character.
+/// Decodes text as UTF-16 when it begins with a byte order mark, else as UTF-8, else as
+/// Latin-1, in which every byte is a character.
 #[must_use]
 pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
     let utf16 = |rest: &[u8], unit: fn([u8; 2]) -> u16| {

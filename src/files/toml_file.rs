@@ -1,4 +1,4 @@
-//! Reading TOML files with errors that a user can act on.
+//! Parsing of TOML files, with errors that a user can act on.
 
 use std::path::{Path, PathBuf};
 
@@ -6,22 +6,23 @@ use serde::de::DeserializeOwned;
 
 use super::nearest;
 
-/// A TOML file does not say what it should.
+/// Why the content of a TOML file is refused.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}:{line}: {message}", path = path.display())]
 pub struct TomlError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Line, from 1.
+    /// Number of the line at fault, from 1.
     pub line: usize,
-    /// What is wrong, and what is allowed.
+    /// Key at fault, what is wrong with it, and what is allowed.
     pub message: String,
 }
 
-/// Parses `text`, which came from `path`.
+/// Parses `text`, the content of the file at `path`.
 ///
 /// # Errors
-/// With the line, and for an unknown key the nearest one that is allowed.
+/// When the text is not TOML or does not fit `T`; for an unknown key the error names the
+/// most similar key that is allowed.
 pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, TomlError> {
     toml::from_str(text).map_err(|e| {
         let before = e.span().and_then(|s| text.get(..s.start)).unwrap_or_default();
@@ -35,7 +36,7 @@ pub fn parse<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T, TomlErro
     })
 }
 
-/// The key whose value stands behind `before`, with its table.
+/// The key, with its table, whose value begins where `before` ends in `text`.
 fn key_at(text: &str, before: &str) -> Option<String> {
     let line = before.matches('\n').count();
     let lines: Vec<&str> = text.lines().take(line + 1).map(str::trim).collect();
@@ -52,7 +53,8 @@ fn key_at(text: &str, before: &str) -> Option<String> {
     Some(table.map_or_else(|| key.to_owned(), |table| format!("{table}.{key}")))
 }
 
-/// Rewrites serde's list of expected names as the nearest one.
+/// The message of serde in a user's words: types by their everyday names, and the most
+/// similar of the allowed names offered for an unknown one.
 fn explain(message: &str) -> String {
     let message = message
         .trim()

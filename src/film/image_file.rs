@@ -1,7 +1,7 @@
-//! Pictures and masks in the formats of other programs: PNG, JPEG, TIFF, EXR.
+//! Reading and writing of pictures and masks as PNG, EXR and, reading only, JPEG, TIFF and others.
 //!
 //! In memory a picture is linear Rec.709 RGB, f32. Files of 8 or 16 bits a channel are
-//! taken as sRGB-encoded, float files as linear; what is transparent is laid over black.
+//! taken as sRGB-encoded, float files as linear; transparent pixels are laid over black.
 //! Pictures are turned upright as their EXIF orientation says.
 
 use std::fs::File;
@@ -19,25 +19,25 @@ use super::exr::{ExrError, ExrImage, ExrPart, read_exr, write_exr};
 use crate::files::atomic::{AtomicWriteError, write_atomically};
 use crate::math::display::{eotf_srgb, oetf_srgb};
 
-/// A linear RGB picture.
+/// A picture in linear Rec.709 RGB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearImage {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Row-major from the top left, linear Rec.709.
+    /// Colour of each pixel, row-major from the top left.
     pub rgb: Vec<[f32; 3]>,
 }
 
-/// Which pixels show the main object.
+/// A picture that tells which pixels show the main object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaskImage {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
     pub height: usize,
-    /// Row-major from the top left; true on the object.
+    /// Whether each pixel shows the main object, row-major from the top left.
     pub object: Vec<bool>,
 }
 
@@ -47,70 +47,70 @@ pub enum ImageFileError {
     /// The file cannot be opened.
     #[error("{path}: cannot open the picture", path = .path.display())]
     Open {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the file system.
         #[source]
         source: std::io::Error,
     },
-    /// Not a picture in a known format.
+    /// The file is not a picture in a known format.
     #[error(
         "{path}: cannot read it as a picture (PNG, JPEG, TIFF, EXR and some others are known)",
         path = .path.display()
     )]
     Decode {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the decoder or encoder.
         #[source]
         source: image::ImageError,
     },
-    /// The encoder refuses.
+    /// The encoder refuses the picture.
     #[error("{path}: cannot write the picture", path = .path.display())]
     Encode {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the decoder or encoder.
         #[source]
         source: image::ImageError,
     },
-    /// The file cannot be brought to its place.
+    /// A finished file cannot be brought to its place.
     #[error(transparent)]
     File(#[from] AtomicWriteError),
-    /// EXR trouble.
+    /// An EXR file cannot be read or written.
     #[error(transparent)]
     Exr(#[from] ExrError),
-    /// The pixels do not fit the size.
+    /// The number of pixels does not fit the size, or the format cannot hold the size.
     #[error("{path}: {pixels} pixels for a picture of {width} x {height}", path = .path.display())]
     Size {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// How many pixels were given.
+        /// Number of pixels given.
         pixels: usize,
         /// Width, pixels.
         width: usize,
         /// Height, pixels.
         height: usize,
     },
-    /// An EXR without the channels that are needed.
+    /// An EXR file lacks the channels that are needed.
     #[error("{path}: needs {wanted}, the file has {}", found.join(", "), path = .path.display())]
     MissingChannel {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is needed.
+        /// Channels that are needed, as a phrase.
         wanted: &'static str,
-        /// What there is.
+        /// Names of the channels in the file, with their parts.
         found: Vec<String>,
     },
 }
 
-/// First bytes of every EXR file.
+/// First four bytes of every EXR file, its magic number 20000630.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// True when the file starts as an EXR file, whatever its name.
+/// Whether the content of the file, whatever its name, begins as an EXR file does.
 ///
 /// # Errors
-/// When it cannot be opened.
+/// When the file cannot be opened.
 pub fn is_exr(path: &Path) -> Result<bool, ImageFileError> {
     let open = |source| ImageFileError::Open { path: path.to_owned(), source };
     let mut start = Vec::with_capacity(4);
@@ -118,13 +118,14 @@ pub fn is_exr(path: &Path) -> Result<bool, ImageFileError> {
     Ok(start == EXR_MAGIC)
 }
 
-/// True when a file of this name is read as a picture: its ending is that of a known format.
+/// Whether the ending of the file's name is that of a picture format that can be read.
 #[must_use]
 pub fn has_picture_ending(path: &Path) -> bool {
     let format = path.extension().and_then(ImageFormat::from_extension);
     format.is_some_and(|format| format.reading_enabled())
 }
 
+/// Decodes a picture other than an EXR, turned upright.
 fn decode(path: &Path) -> Result<DynamicImage, ImageFileError> {
     let open = |source| ImageFileError::Open { path: path.to_owned(), source };
     let file = BufReader::new(File::open(path).map_err(open)?);
@@ -132,6 +133,7 @@ fn decode(path: &Path) -> Result<DynamicImage, ImageFileError> {
     upright(reader).map_err(|source| ImageFileError::Decode { path: path.to_owned(), source })
 }
 
+/// Decodes a picture and turns it as its EXIF orientation says.
 fn upright(reader: ImageReader<BufReader<File>>) -> ImageResult<DynamicImage> {
     let mut decoder = reader.into_decoder()?;
     Limits::default().reserve(decoder.total_bytes())?;
@@ -180,6 +182,7 @@ pub fn read_image(path: &Path) -> Result<LinearImage, ImageFileError> {
     Ok(LinearImage { width, height, rgb })
 }
 
+/// A colour with its opacity laid over black.
 fn over_black([r, g, b, alpha]: [f64; 4]) -> [f32; 3] {
     [r, g, b].map(|v| (v * alpha) as f32)
 }
@@ -187,7 +190,7 @@ fn over_black([r, g, b, alpha]: [f64; 4]) -> [f32; 3] {
 /// The colours of an EXR picture that has been read from `path`.
 ///
 /// # Errors
-/// When it has none.
+/// When the picture has no channels that are colours.
 pub fn exr_beauty(path: &Path, exr: &ExrImage) -> Result<LinearImage, ImageFileError> {
     let rgb = exr.beauty().ok_or_else(|| ImageFileError::MissingChannel {
         path: path.to_owned(),
@@ -239,6 +242,7 @@ pub fn mask_part(object: &[bool]) -> ExrPart {
     ExrPart::single("mask", "mask", samples)
 }
 
+/// Checks that `pixels` fill a picture of this size, and that a PNG can have it.
 fn check_size(path: &Path, width: usize, height: usize, pixels: usize) -> Result<(), ImageFileError> {
     // PNG counts in u32 and refuses 0; EXR checks itself.
     let fits = u32::try_from(width).is_ok() && u32::try_from(height).is_ok();

@@ -1,8 +1,8 @@
-//! Films: what becomes of the light-carrying contributions of an integrator.
+//! Films, which collect the light-carrying contributions of an integrator.
 //!
 //! An integrator hands every contribution, for unit radiance and with its
 //! light and size coordinate, to a [`Recorder`]. The [`RgbFilm`] sums them
-//! into a picture per light; other films may keep them apart.
+//! into a picture of each light; other films may keep them apart.
 //!
 //! Sums are independent of the number of threads: a pixel's own contributions
 //! are added in sample order (f64), splats in fixed point (u64), whose sum
@@ -28,9 +28,9 @@ pub use splat::SplatBuffer;
 /// vertex: `s = 0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Strategy {
-    /// Vertices of the light subpath.
+    /// Number of vertices of the light subpath.
     pub s: u8,
-    /// Vertices of the camera subpath.
+    /// Number of vertices of the camera subpath.
     pub t: u8,
 }
 
@@ -41,7 +41,7 @@ impl Strategy {
         Self { s: s as u8, t: t as u8 }
     }
 
-    /// Edges of the paths it samples.
+    /// Number of edges of the paths that the strategy samples.
     #[must_use]
     pub fn n_edges(&self) -> usize {
         usize::from(self.s) + usize::from(self.t) - 1
@@ -51,29 +51,31 @@ impl Strategy {
 /// Light carried along one sampled path, at `N` nodes of the background's value.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution<const N: usize = 1> {
-    /// The light the path ends on.
+    /// Light that the path ends on.
     pub light: LightId,
-    /// The path's end on the light; its ρ is the size coordinate.
+    /// Point of the light that the path ends on; its ρ is the size coordinate.
     pub at: LightPoint,
-    /// Pixel radiance for unit radiance of the light, already weighted.
+    /// Estimate of the pixel's radiance for unit radiance of the light, per node of the
+    /// background's value; the weight of the strategy is included.
     pub value: NodeRgb<N>,
-    /// The strategy that sampled the path.
+    /// Strategy that sampled the path.
     pub strategy: Strategy,
-    /// The weight of that strategy, within [0, 1].
+    /// Multiple importance sampling weight of the strategy for the path, in [0, 1].
     pub mis_weight: f32,
 }
 
-/// Receives the contributions of the samples of one pixel.
+/// A receiver of the contributions of the samples of one pixel.
 pub trait Recorder<const N: usize = 1> {
-    /// A contribution to the pixel being sampled (t ≥ 2).
+    /// Records a contribution to the pixel being sampled (t ≥ 2).
     fn add(&mut self, c: &Contribution<N>);
-    /// A contribution to wherever the path meets the film (t = 1).
+    /// Records a contribution at the point `raster` (pixels) where the path meets the film
+    /// (t = 1).
     fn splat(&mut self, raster: Vec2, c: &Contribution<N>);
 }
 
 /// A film that can be filled row by row in parallel.
 pub trait Film<const N: usize = 1>: Send + Sync {
-    /// Recorder of one row.
+    /// Recorder of one row of the film.
     type Row<'a>: RowRecorder<N> + Send
     where
         Self: 'a;
@@ -81,19 +83,19 @@ pub trait Film<const N: usize = 1>: Send + Sync {
     fn size(&self) -> UVec2;
     /// Recorders of the rows, first row first.
     fn rows(&mut self) -> Vec<Self::Row<'_>>;
-    /// Contributions dropped because they were not finite, and splats that
-    /// would have overflowed, since the film was made.
+    /// Number of contributions dropped because they were not finite, and number of splats
+    /// that overflowed, since the film was made.
     fn defects(&self) -> (u64, u64);
 }
 
 /// A [`Recorder`] that moves from pixel to pixel of its row, once for each replicate.
 pub trait RowRecorder<const N: usize = 1>: Recorder<N> {
-    /// Called before the first pixel.
+    /// Begins the row; called before the first pixel.
     fn open(&mut self) {}
     /// Makes the `i`-th pixel of the row current.
     fn set_pixel(&mut self, i: usize);
-    /// Called when all samples of a replicate have been taken.
+    /// Ends a replicate; called when all its samples have been taken.
     fn end_replicate(&mut self) {}
-    /// Called when all samples have been taken.
+    /// Ends the row; called when all samples have been taken.
     fn close(&mut self) {}
 }

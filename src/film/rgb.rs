@@ -1,4 +1,4 @@
-//! The ordinary film: a picture per light, or per lighting.
+//! The film of ordinary pictures, one of each light or one of each lighting.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,34 +7,37 @@ use glam::{UVec2, Vec2};
 use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer};
 use crate::lighting::Lighting;
 
-/// Sums contributions into pictures: one of each light alone, for unit radiance, or one of each
-/// of several lightings.
+/// A film that sums contributions into pictures: one of each light alone, for unit radiance,
+/// or one of each of several lightings.
 #[derive(Debug)]
 pub struct RgbFilm<const N: usize = 1> {
+    /// Width and height, pixels.
     size: UVec2,
-    /// Pictures that each light contributes to, by light.
+    /// Pictures that the contributions of a light go to, by light.
     routes: Vec<Vec<Route>>,
-    /// Power of two per picture that brings splats near display white.
+    /// Power of two by which the splats of a picture are multiplied when they are stored, so
+    /// that display white is about 1, by picture.
     scales: Vec<f64>,
-    /// [pixel][picture][rgb]
+    /// Sums of the contributions with t ≥ 2, as `[pixel][picture][rgb]`.
     sums: Vec<f64>,
     splats: SplatBuffer,
+    /// Number of contributions dropped because they were not finite.
     non_finite: AtomicU64,
 }
 
-/// How the contributions of a light get into a picture.
+/// The way of the contributions of a light into a picture.
 #[derive(Clone, Copy, Debug)]
 struct Route {
     picture: usize,
-    /// Node of the background's value.
+    /// Node of the background's value that the picture sees.
     node: usize,
-    /// The light's size there.
+    /// Size of the light in the picture.
     size: f32,
-    /// Factor on them.
+    /// Factor on the contributions: the light's radiance in the picture, or 1 for unit radiance.
     gain: f32,
 }
 
-/// Recorder of a row of an [`RgbFilm`].
+/// Recorder of one row of an [`RgbFilm`].
 #[derive(Debug)]
 pub struct RgbRow<'a> {
     size: UVec2,
@@ -43,19 +46,20 @@ pub struct RgbRow<'a> {
     sums: &'a mut [f64],
     splats: &'a SplatBuffer,
     non_finite: &'a AtomicU64,
+    /// Index of the current pixel in the row.
     pixel: usize,
 }
 
-/// A finished picture: linear radiance, row by row.
+/// A finished picture in linear Rec.709 radiance, row by row from the top.
 #[derive(Clone, Debug)]
 pub struct Picture {
-    /// Columns.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
-    /// Sum over the lights.
+    /// Radiance of each pixel, the sum over the lights.
     pub rgb: Vec<[f32; 3]>,
-    /// The share of each light, its radiance included.
+    /// Radiance of each pixel that is due to one light, by light.
     pub lights: Vec<Vec<[f32; 3]>>,
 }
 
@@ -79,9 +83,9 @@ impl RgbFilm {
         let mut lights = vec![rgb.clone(); n_lights];
         for (i, out) in rgb.iter_mut().enumerate() {
             let mut total = [0.0_f64; 3];
-            for l in 0..n_lights {
+            for (l, image) in lights.iter_mut().enumerate() {
                 let v = self.sum(i, l).map(|v| v * inv * f64::from(lighting.radiance[l] as f32));
-                lights[l][i] = v.map(|v| v as f32);
+                image[i] = v.map(|v| v as f32);
                 total = std::array::from_fn(|c| total[c] + v[c]);
             }
             *out = total.map(|v| v as f32);
@@ -106,8 +110,10 @@ impl<const N: usize> RgbFilm<N> {
         Self::with_routes(size, routes, lightings.iter().map(|x| x.exposure))
     }
 
-    /// `whites`: factor of each picture's values that brings them to the display's.
+    /// A film with these routes by light; `whites` are the factors that bring the values of
+    /// each picture to the display's range.
     fn with_routes(size: UVec2, routes: Vec<Vec<Route>>, whites: impl Iterator<Item = f64>) -> Self {
+        // Within 2^±60, so that extreme radiances make the scale neither 0 nor infinite.
         let scale =
             |white: f64| if white > 0.0 { white.log2().round().clamp(-60.0, 60.0).exp2() } else { 1.0 };
         let scales: Vec<f64> = whites.map(scale).collect();
@@ -122,7 +128,8 @@ impl<const N: usize> RgbFilm<N> {
         }
     }
 
-    /// Sum over the samples of a pixel, row by row, of a picture.
+    /// Sum over all samples of a pixel in a picture, splats included; pixels are counted row
+    /// by row.
     #[must_use]
     pub fn sum(&self, pixel: usize, picture: usize) -> [f64; 3] {
         let cell = pixel * self.scales.len() + picture;
@@ -154,7 +161,8 @@ impl<const N: usize> Film<N> for RgbFilm<N> {
 }
 
 impl<'a> RgbRow<'a> {
-    /// The routes of a contribution: none if it is emitted at no present size, or not a number.
+    /// The routes of a contribution into pictures in which its light is large enough to emit
+    /// it; none for a contribution that is not finite, which is counted.
     fn routes<const N: usize>(&self, c: &Contribution<N>) -> impl Iterator<Item = Route> + use<'a, N> {
         let (is_number, rho) = (c.value.is_radiance(), c.at.rho);
         if !is_number {

@@ -1,10 +1,11 @@
-//! Order-independent accumulation of t = 1 contributions.
+//! Accumulation of t = 1 contributions, independent of their order.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::math::Rgb;
 
-/// 32 fractional bits.
+/// Value of 1 in fixed point, 2³²: 32 fractional bits resolve 2.3·10⁻¹⁰ of display white, far
+/// below the noise of any picture, and 32 integer bits hold 4·10⁹ times white.
 const ONE: f64 = 4_294_967_296.0;
 
 /// Fixed-point sums (u64, 32.32 bits) of RGB values, shared by all threads.
@@ -14,12 +15,14 @@ const ONE: f64 = 4_294_967_296.0;
 /// never clamped silently.
 #[derive(Debug)]
 pub struct SplatBuffer {
+    /// Sums in fixed point, as `[cell][rgb]`.
     cells: Vec<AtomicU64>,
+    /// Number of values that did not fit.
     overflows: AtomicU64,
 }
 
 impl SplatBuffer {
-    /// A zeroed buffer of `n` RGB cells.
+    /// A buffer of `n` RGB cells that are zero.
     #[must_use]
     pub fn new(n: usize) -> Self {
         Self { cells: (0..3 * n).map(|_| AtomicU64::new(0)).collect(), overflows: AtomicU64::new(0) }
@@ -32,7 +35,7 @@ impl SplatBuffer {
                 continue;
             }
             let fixed = (f64::from(v) * scale * ONE).round();
-            // 2^63 leaves room to detect the overflow of the sum.
+            // 9.2·10¹⁸ is just below 2⁶³: what is added leaves room to detect the sum's overflow.
             if fixed >= 9.2e18 || cell.fetch_add(fixed as u64, Ordering::Relaxed) > u64::MAX - fixed as u64 {
                 self.overflows.fetch_add(1, Ordering::Relaxed);
             }
@@ -45,7 +48,7 @@ impl SplatBuffer {
         std::array::from_fn(|c| self.cells[3 * i + c].load(Ordering::Relaxed) as f64 / (ONE * scale))
     }
 
-    /// How many values did not fit.
+    /// Number of values that did not fit.
     #[must_use]
     pub fn overflows(&self) -> u64 {
         self.overflows.load(Ordering::Relaxed)

@@ -21,15 +21,15 @@ use super::{
     sidecar::{DEFAULT_CREASE, SCHEMA, Selection, Sidecar},
     stage::{self, StageOptions, Staging},
 };
-use crate::{scene::Scene, variables::Wishes};
+use crate::{lighting::MAX_EXPOSURE, scene::Scene, variables::Constraints};
 
 /// A scene, and what its files say that is not part of it.
 #[derive(Debug)]
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// Which variables are free, and their bounds, as the sidecar gives them.
-    pub wishes: Wishes,
+    /// Constraints that the scene's author sets on the variables.
+    pub constraints: Constraints,
     /// What was left out, replaced or guessed while loading, one line each.
     pub warnings: Vec<String>,
     /// Text of the sidecar that was staged for a scene without one.
@@ -38,6 +38,15 @@ pub struct Loaded {
 
 /// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
 /// (see [`mod@stage`]), unless it is a glTF with camera and lights.
+///
+/// ```
+/// use lightopt_embree::import::{self, Loaded};
+///
+/// let Loaded { scene, constraints, .. } = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?;
+/// assert_eq!(scene.light_names(), ["ceiling"]);
+/// assert!(constraints.free.contains("size"));
+/// # Ok::<(), import::ImportError>(())
+/// ```
 ///
 /// # Errors
 /// When no such scene exists, a file cannot be read, or a line or key of one is wrong. The error
@@ -137,19 +146,29 @@ impl Source<'_> {
             warnings.push("no background material has a colour: the background's value is not free".into());
         }
         let lights = self.lights(sidecar, &lights, &mesh, &materials, &mut warnings)?;
-        let (lights, light_wishes) = lights.into_iter().unzip();
-        let wishes = Wishes {
+        let (lights, light_constraints) = lights.into_iter().unzip();
+        let constraints = Constraints {
             free: sidecar.free.clone(),
-            lights: light_wishes,
+            lights: light_constraints,
             value_range: self.value_range(sidecar)?,
         };
         let name = self.scene_path.file_stem().map_or("scene".into(), |s| s.to_string_lossy());
         let scene =
             Scene::new(&name, mesh, materials, lights, camera).map_err(|source| self.embree(source))?;
         let mut scene = scene.with_background(background);
-        scene.exposure = self.positive("exposure", sidecar.exposure)?;
+        scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
-        Ok(Loaded { scene, wishes, warnings, staging: None })
+        Ok(Loaded { scene, constraints, warnings, staging: None })
+    }
+
+    fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {
+        let exposure = self.positive("exposure", sidecar.exposure)?;
+        if !(1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&exposure) {
+            let message =
+                format!("must be from {:e} to {MAX_EXPOSURE:e}, got {exposure:e}", 1.0 / MAX_EXPOSURE);
+            return Err(self.error("exposure", message));
+        }
+        Ok(exposure)
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {

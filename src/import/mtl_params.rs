@@ -1,4 +1,4 @@
-//! Interprets the materials of an MTL; the tables are in [`super::obj`].
+//! What the materials of an MTL mean: the tables of `docs/formats.md`.
 
 use std::{
     collections::BTreeMap,

@@ -1,42 +1,7 @@
 //! Wavefront OBJ and MTL, through `tobj`.
 //!
-//! # Mapping of MTL
-//!
-//! | MTL | meaning |
-//! | --- | --- |
-//! | `Kd`, `map_Kd` | base colour: linear Rec.709, times the sRGB-decoded image; the image alone if `Kd` is black |
-//! | `Pm` 1 | `conductor` with the base colour as reflectance at normal incidence |
-//! | `Pm` below 1, `map_Pm` | share of such a metal; the image replaces the number |
-//! | `illum` 4, 6, 7, 9 | `dielectric` (glass) of IOR `Ni`, unless half or more is metal |
-//! | `illum` 3 and black `Kd` | `conductor` with reflectance `Ks` times the colours of `map_Ks` |
-//! | `Ks` > 0, or `map_Ks` alone | `plastic`: the base colour under a coat of IOR `Ni` (1.5 when absent or 1) of strength `map_Ks` |
-//! | otherwise | `diffuse` |
-//! | `Pr`, `map_Pr` | roughness; the GGX slope is its square; the image replaces the number |
-//! | `Ns` | without `Pr`: slope `√(2/(Ns+2))` |
-//! | `d`, or 1 − `Tr`; `map_d` | opacity, times the image's alpha if that varies, otherwise its red; of glass: nothing |
-//! | `Ke`, `map_Ke` | radiance emitted by the front side, in Blender's files by both, W·m⁻²·sr⁻¹; the image alone if `Ke` is black |
-//! | `norm` | normal map, `-bm` multiplies its slopes |
-//! | `map_Bump`, `bump` | the same if the image looks like one; otherwise heights: white is `-bm` hundredths of the image's width above black |
-//! | `-s`, `-o`, `-imfchan` | of any map: texture coordinates `s·uv + o`, and the channel of a number |
-//!
-//! Faces without a material, and materials that no library defines, are diffuse
-//! grey of albedo 0.8. Other maps and options are ignored with a warning; a map
-//! whose file is missing is left out with a warning.
-//!
-//! `Ks` decides only whether there is a coat: how much it reflects follows from
-//! the IOR.
-//!
-//! # Files of Blender
-//!
-//! Files whose first line begins with `# Blender` give the parameters of its principled shader:
-//!
-//! | MTL | meaning |
-//! | --- | --- |
-//! | `Ks`, `map_Ks` | specular level: the coat has twice this strength, 1 at most |
-//! | `Pr` or `Ns`, `map_Pr` or `map_Ns` | roughness, `1 − √(Ns/1000)`; with 900 where the first line names no version |
-//! | `Pm`, or the mean of `Ka` with `illum` 3 to 8; `map_Pm`, `map_refl` or `refl` | share of metal |
-//! | `map_Kd` | base colour, whatever `Kd` |
-//! | `Tf` ≥ 0.5 | `dielectric`; `illum` 6 and 9 are no glass but say that `d` < 1 |
+//! What every key of an MTL means is listed in `docs/formats.md`; [`mtl`] reads it line by line and
+//! [`mtl_params`] gives it that meaning.
 
 use std::{collections::HashMap, fs, path::Path};
 

@@ -1,25 +1,26 @@
-//! Auxiliary pictures: what the ray through each pixel's centre meets first,
-//! lights ignored.
+//! Auxiliary pictures: mask, albedo, normal and depth of the first surface that the ray through each
+//! pixel's centre meets. Lights are ignored.
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use super::View;
 
-/// One value per pixel of the full film, row by row.
+/// Auxiliary pictures of a film, with a value for each pixel, row by row from the top.
 #[derive(Clone, Debug)]
 pub struct Aovs {
-    /// Columns.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
-    /// Whether the pixel shows the main object.
+    /// Mask of the main object: true where the pixel's ray meets it first.
     pub mask: Vec<bool>,
-    /// Base colour, linear Rec.709, the background's value included; black where there is no surface.
+    /// Base colour, linear Rec.709, with the background's value multiplied in; black where there is no
+    /// surface.
     pub albedo: Vec<[f32; 3]>,
-    /// Unit shading normal, world space; zero where there is no surface.
+    /// Unit shading normal in world space; zero where there is no surface.
     pub normal: Vec<[f32; 3]>,
-    /// Distance from the camera, metres; infinite where there is no surface.
+    /// Distance from the camera along the ray, metres; infinite where there is no surface.
     pub depth: Vec<f32>,
 }
 

@@ -1,12 +1,11 @@
-//! What all paths of a render share.
+//! Scene, camera and sampling plan as all paths of a render see them.
 
 use glam::{UVec2, Vec2, Vec3};
 
-use super::{Integrator, IntegratorKind, Samples, Values, View, bdpt, path};
+use super::{Integrator, Values, View};
 use crate::{
     bsdf::Affine,
     camera::Camera,
-    film::RowRecorder,
     light::{Crossing, Light, LightId, LightLeSample, LightLiSample, LightPoint, SizeDensity},
     lighting::{SampleCounts, SamplingPlan},
     math::{AreaPdf, NodeRgb, Pmf, SolidAnglePdf},
@@ -14,52 +13,43 @@ use crate::{
     scene::{Edge, Scene, SurfaceInteraction},
 };
 
-/// A scene, a camera and a sampling plan with the options of the integrator that walks through
-/// them: everything that the samples of a render have in common.
+/// Everything that the samples of a render have in common: scene, camera, sampling plan and the options
+/// of the integrator.
 #[derive(Clone, Copy, Debug)]
 pub struct Context<'a, const N: usize = 1> {
-    /// Options.
+    /// Integrator with its options.
     pub integrator: Integrator,
     /// The scene.
     pub scene: &'a Scene,
     /// The camera.
     pub camera: &'a Camera,
-    /// Background values at which light is carried.
+    /// Values of the background at which light is carried.
     pub values: Values<N>,
-    /// Where samples go.
+    /// Sampling plan.
     pub plan: &'a SamplingPlan,
-    /// Numbers of samples, without those that would only repeat others.
+    /// Numbers of samples of the plan, without those that would only repeat others.
     counts: SampleCounts,
 }
 
 impl<'a, const N: usize> Context<'a, N> {
-    /// A render of `view` at some values of the background, sampled by `plan`.
+    /// Context of a render of `view` at some values of the background, sampled by `plan`.
     #[must_use]
     pub fn new(integrator: Integrator, view: View<'a>, values: Values<N>, plan: &'a SamplingPlan) -> Self {
         let View { scene, camera } = view;
         Self { integrator, scene, camera, values, plan, counts: without_repeats(plan.counts, scene) }
     }
 
-    /// Takes the samples of a row of pixels.
-    pub(super) fn render_row(&self, row: &mut impl RowRecorder<N>, samples: &Samples, y: u32, width: u32) {
-        let mut sampler = Sampler::new(samples.sampler, samples.seed);
-        let mut workspace = bdpt::Workspace::default();
-        for x in 0..width {
-            row.set_pixel(x as usize);
-            let pixel = UVec2::new(x, y);
-            for index in samples.first..samples.first + samples.count {
-                sampler.start(pixel, index);
-                match self.integrator.kind {
-                    IntegratorKind::Path => path::sample(self, &mut sampler, pixel, row),
-                    IntegratorKind::Bdpt => bdpt::sample(self, &mut sampler, pixel, &mut workspace, row),
-                }
-            }
-        }
+    /// Origin and unit direction of a camera ray through a random point of `pixel` and of the lens.
+    #[inline]
+    pub(super) fn camera_ray(&self, sampler: &mut Sampler, pixel: UVec2) -> (Vec3, Vec3) {
+        let raster = film_position(pixel, sampler.next_2d());
+        self.camera.ray(raster, sampler.next_2d())
     }
 
-    /// The light of an index.
+    /// The light `id` with its place in the sampling plan.
     #[inline]
-    pub(super) fn light(&self, id: LightId) -> SampledLight<'a> {
+    #[must_use]
+    pub fn light(&self, id: LightId) -> SampledLight<'a> {
         SampledLight {
             light: &self.scene.lights[id as usize],
             q: &self.plan.sizes[id as usize],
@@ -67,7 +57,7 @@ impl<'a, const N: usize> Context<'a, N> {
         }
     }
 
-    /// Follows a ray to what ends it; see [`Scene::trace`].
+    /// Follows a ray to the surface or light that ends it; see [`Scene::trace`].
     #[inline]
     pub(super) fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>) -> Edge<'a> {
         self.scene.trace(org, dir, origin, self.plan.largest_value)
@@ -78,7 +68,7 @@ impl<'a, const N: usize> Context<'a, N> {
         self.scene.for_each_crossing(edge, &self.plan.sizes, f);
     }
 
-    /// Throughput after a scattering at `si`.
+    /// Throughput after scattering at `si` with the scattering function `f`, cosine included.
     #[inline]
     pub(super) fn scatter(&self, beta: &NodeRgb<N>, f: Affine, si: &SurfaceInteraction) -> NodeRgb<N> {
         if si.is_background {
@@ -88,32 +78,41 @@ impl<'a, const N: usize> Context<'a, N> {
         }
     }
 
-    /// Light samples at the end of a camera subpath of `n_edges` edges, at least one.
+    /// Number of light samples at the end of a camera subpath of `n_edges` edges, at least 1.
     pub(super) fn light_samples_at(&self, n_edges: usize) -> u32 {
         if n_edges == 1 { self.counts.first_light_samples } else { self.counts.light_samples }
     }
 
-    /// Expected number of light samples per camera subpath at the end of one of `n_edges` edges;
-    /// the lens, at 0 edges, gets one with each light subpath.
-    pub(super) fn samples_at(&self, n_edges: usize) -> f32 {
+    /// Expected number of light samples at the end of a camera subpath of `n_edges` edges; at 0 edges,
+    /// on the lens, there is one for each light subpath.
+    #[must_use]
+    pub fn samples_at(&self, n_edges: usize) -> f32 {
         match n_edges {
             0 => self.light_subpaths(),
             _ => self.light_samples_at(n_edges) as f32,
         }
     }
 
-    /// Camera subpaths for each light subpath.
+    /// Number of camera subpaths for each light subpath.
     pub(super) fn camera_subpaths(&self) -> u32 {
         self.counts.camera_subpaths
     }
 
-    /// Light subpaths for each camera subpath.
-    pub(super) fn light_subpaths(&self) -> f32 {
+    /// Expected number of light subpaths for each camera subpath.
+    #[must_use]
+    pub fn light_subpaths(&self) -> f32 {
         1.0 / self.counts.camera_subpaths as f32
     }
 }
 
-/// The counts without samples that would only repeat others: all samples of a point are one.
+/// Raster position of a sample of `pixel`, uniform over it.
+fn film_position(pixel: UVec2, u: Vec2) -> Vec2 {
+    // Rounding must not push a sample of one pixel into the next.
+    (pixel.as_vec2() + u).min((pixel + UVec2::ONE).as_vec2() * crate::math::ONE_MINUS_EPSILON)
+}
+
+/// Numbers of samples without those that would only repeat others: all samples of a point light are
+/// the same.
 fn without_repeats(counts: SampleCounts, scene: &Scene) -> SampleCounts {
     let is_points = scene.lights.iter().all(Light::is_delta);
     let most = if is_points { scene.lights.len().max(1) as u32 } else { u32::MAX };
@@ -124,38 +123,42 @@ fn without_repeats(counts: SampleCounts, scene: &Scene) -> SampleCounts {
     }
 }
 
-/// A light with its place in the sampling plan.
+/// A light with its density and probability in a sampling plan.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SampledLight<'a> {
+pub struct SampledLight<'a> {
     /// The light.
     pub light: &'a Light,
-    /// Distribution of its size coordinate.
+    /// Density of the light's size coordinate.
     q: &'a SizeDensity,
-    /// Probability of choosing it.
+    /// Probability with which the light is chosen.
     pub pmf: Pmf,
 }
 
 impl SampledLight<'_> {
-    /// See [`Light::sample_li`].
+    /// [`Light::sample_li`] with the plan's density.
     #[inline]
+    #[must_use]
     pub fn sample_li(&self, reference: Vec3, u: Vec2) -> Option<LightLiSample> {
         self.light.sample_li(self.q, reference, u)
     }
 
-    /// See [`Light::pdf_li`].
+    /// [`Light::pdf_li`] with the plan's density.
     #[inline]
+    #[must_use]
     pub fn pdf_li(&self, reference: Vec3, at: &LightPoint) -> SolidAnglePdf {
         self.light.pdf_li(self.q, reference, at)
     }
 
-    /// See [`Light::sample_le`].
+    /// [`Light::sample_le`] with the plan's density.
     #[inline]
+    #[must_use]
     pub fn sample_le(&self, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
         self.light.sample_le(self.q, u_pos, u_dir)
     }
 
-    /// See [`Light::pdf_le`].
+    /// [`Light::pdf_le`] with the plan's density.
     #[inline]
+    #[must_use]
     pub fn pdf_le(&self, at: &LightPoint, dir: Vec3) -> (AreaPdf, SolidAnglePdf) {
         self.light.pdf_le(self.q, at, dir)
     }

@@ -1,25 +1,28 @@
-//! Next-event estimation: which lights are sampled, and where on them.
+//! Next-event estimation: choice of the lights that a vertex samples, and of the points on them.
 //!
-//! Every vertex gets several samples, stratified over the lights and over the first
-//! coordinate of each, its size: what differs most between them. The multi-sample model
-//! \[Veach97\] 9.2.1 then counts a density as often as it is expected to be sampled.
+//! Every vertex takes several samples, stratified over the lights and over the first coordinate of a
+//! point, its size coordinate: on the fruit basket one sample in the place of four left six times the
+//! noise correction of f_q for about a quarter less time. The multi-sample model \[Veach97\] 9.2.1 counts a density as
+//! often as it is expected to be sampled.
 
 use glam::Vec2;
 
 use super::Context;
 use crate::{light::LightId, math::sequence::PLASTIC, sampler::Sampler};
 
-/// A light to be sampled.
+/// A light that a vertex samples.
 pub(super) struct LightChoice {
+    /// Index of the light.
     pub id: LightId,
-    /// Expected number of samples of this light at this vertex.
+    /// Expected number of samples of the light at the vertex.
     pub expected: f32,
-    /// Where on it.
+    /// Uniform variates for the point on the light.
     pub u: Vec2,
 }
 
 impl<'a, const N: usize> Context<'a, N> {
-    /// The lights sampled at the end of a camera subpath, from four dimensions of the sequence.
+    /// The lights sampled at the end of a camera subpath of `n_edges` edges. Takes four dimensions of the
+    /// sequence.
     pub(super) fn choose_lights(
         &self,
         sampler: &mut Sampler,

@@ -5,7 +5,7 @@
 
 use glam::UVec2;
 
-use super::{Context, Heuristic, Strategy, direct::LightChoice, film_position, roulette};
+use super::{Context, Heuristic, Strategy, direct::LightChoice, roulette::roulette};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
@@ -14,15 +14,15 @@ use crate::{
     scene::SurfaceInteraction,
 };
 
-/// Traces one camera path through `pixel` and records all light it meets.
+/// Traces one camera path through `pixel` and records the contributions of all lights that it crosses
+/// or samples.
 pub fn sample<const N: usize>(
     context: &Context<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     recorder: &mut impl Recorder<N>,
 ) {
-    let raster = film_position(pixel, sampler.next_2d());
-    let (mut org, mut dir) = context.camera.ray(raster, sampler.next_2d());
+    let (mut org, mut dir) = context.camera_ray(sampler, pixel);
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
 
@@ -74,7 +74,7 @@ pub fn sample<const N: usize>(
     }
 }
 
-/// Samples lights from `si` and records what they send.
+/// Next-event estimation at `si`, the end of a camera subpath of `n_edges` edges and throughput `beta`.
 fn next_event<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,
@@ -112,7 +112,7 @@ fn next_event<const N: usize>(
     }
 }
 
-/// Weight of the strategy with density `p` against one with density `q`.
+/// Weight of a strategy with density `p` against another with density `q`.
 fn weight(heuristic: Heuristic, p: f32, q: f32) -> f32 {
     (1.0 / (1.0 + heuristic.apply(f64::from(q) / f64::from(p)))) as f32
 }

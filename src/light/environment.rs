@@ -13,19 +13,19 @@ use crate::math::{
     AreaPdf, Discrete, Frame, ONE_MINUS_EPSILON, Rgb, SolidAnglePdf, hash::hash_bytes, luminance, warp,
 };
 
-/// The ball that holds the scene, as seen from infinity.
+/// Bounding sphere of a scene, through which light from infinity enters.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings {
     /// Centre of the scene's bounding sphere, metres.
     pub center: Vec3,
-    /// Its radius, metres.
+    /// Radius of that sphere, metres.
     pub radius: f32,
-    /// A distance that leads out of the scene from anywhere in it and from the camera, metres.
+    /// Distance that leads out of the scene from every point in it and from the camera, metres.
     pub far: f32,
 }
 
 impl Default for Surroundings {
-    /// The unit ball.
+    /// The unit sphere at the origin.
     fn default() -> Self {
         Self { center: Vec3::ZERO, radius: 1.0, far: 4.0 }
     }
@@ -44,12 +44,12 @@ impl Surroundings {
     }
 }
 
-/// Parallel light.
+/// A light at infinity in a single direction: its radiance is an irradiance across it, W·m⁻².
 #[derive(Clone, Copy, Debug)]
 pub struct Distant {
     /// Unit direction in which the light travels.
     pub direction: Vec3,
-    /// The scene it shines on.
+    /// Bounding sphere of the scene.
     pub scene: Surroundings,
 }
 
@@ -78,14 +78,14 @@ impl Distant {
     }
 }
 
-/// Light from all directions, alike or as a picture says.
+/// A light at infinity in all directions, alike or as a radiance map says.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// What is seen in each direction; `None` is 1 everywhere.
+    /// Radiance by direction for L = 1; `None` for 1 in all directions.
     pub map: Option<Arc<RadianceMap>>,
-    /// Angle by which the picture is turned about +y, radians, anticlockwise from above.
+    /// Angle by which the map is turned about +y, radians, anticlockwise as seen from above.
     pub rotation: f32,
-    /// The scene it surrounds.
+    /// Bounding sphere of the scene.
     pub scene: Surroundings,
 }
 
@@ -95,7 +95,7 @@ impl Environment {
         Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
     }
 
-    /// Unit radiance seen along unit `dir`.
+    /// Radiance seen along unit `dir` for L = 1.
     #[must_use]
     pub fn radiance(&self, dir: Vec3) -> Rgb {
         self.map.as_ref().map_or(Rgb::ONE, |m| m.sample(direction_to_uv(Self::turn(dir, -self.rotation))))
@@ -170,22 +170,22 @@ fn uv_to_direction(uv: Vec2) -> Vec3 {
     Vec3::new(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta)
 }
 
-/// An equirectangular picture of radiance with the distribution of its light:
-/// bilinear between pixel centres, which wrap around horizontally.
+/// An equirectangular map of radiance with the distribution of its light, interpolated bilinearly
+/// between pixel centres, which wrap around horizontally.
 pub struct RadianceMap {
     width: usize,
     height: usize,
     texels: Vec<[f32; 3]>,
-    /// Chooses a pixel of a row, per row; `None` of a black one.
+    /// Distribution from which a pixel of each row is chosen; `None` for a black row.
     columns: Vec<Option<Discrete>>,
-    /// Chooses rows.
+    /// Distribution from which rows are chosen.
     rows: Discrete,
     /// ∫ L dω over all directions.
     integral: Rgb,
 }
 
 impl fmt::Debug for RadianceMap {
-    /// Its texels by their hash.
+    /// Names the size and a hash of the texels, in place of the texels.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hash = hash_bytes(self.texels.as_flattened().iter().flat_map(|v| v.to_le_bytes()));
         write!(f, "RadianceMap({} x {}, {hash:016x})", self.width, self.height)
@@ -193,8 +193,8 @@ impl fmt::Debug for RadianceMap {
 }
 
 impl RadianceMap {
-    /// A picture of linear Rec.709 radiance, row by row from the top; `None`
-    /// when it is empty, has a value that is no radiance, or is black.
+    /// A map of linear Rec.709 radiance, row by row from the top; `None` if it is empty, black, or has a
+    /// value that is negative or not finite.
     #[must_use]
     pub fn new(width: usize, height: usize, texels: Vec<[f32; 3]>) -> Option<Self> {
         let is_radiance = |v: &f32| v.is_finite() && *v >= 0.0;
@@ -224,7 +224,7 @@ impl RadianceMap {
         [self.width, self.height]
     }
 
-    /// Linear radiance, row by row from the top.
+    /// Linear Rec.709 radiance, row by row from the top.
     #[must_use]
     pub fn texels(&self) -> &[[f32; 3]] {
         &self.texels
@@ -236,7 +236,7 @@ impl RadianceMap {
         Vec3::from_array(self.texels[y * self.width + x])
     }
 
-    /// Mean of the bilinear picture over the cell of a pixel.
+    /// Mean of the bilinear map over the cell of a pixel.
     fn cell_mean(&self, x: usize, y: usize) -> Rgb {
         let (x, y) = (x as i64, y as i64);
         let row = |y| (self.texel(x - 1, y) + 6.0 * self.texel(x, y) + self.texel(x + 1, y)) / 8.0;
@@ -253,7 +253,7 @@ impl RadianceMap {
         row(y0).lerp(row(y0 + 1), fy)
     }
 
-    /// Density over the unit square.
+    /// Density of texture coordinates, per unit area of the unit square.
     fn pdf(&self, uv: Vec2) -> f32 {
         let cell = |v: f32, n: usize| ((v * n as f32) as usize).min(n - 1);
         let (x, y) = (cell(uv.x, self.width), cell(uv.y, self.height));

@@ -7,12 +7,12 @@ use glam::{Vec2, Vec3};
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
 use crate::math::{AreaPdf, Discrete, Frame, Rgb, SolidAnglePdf, luminance, sequence::r2, warp};
 
-/// How emission varies over a surface.
+/// Emission and opacity over a surface, by texture coordinates.
 pub trait EmissionProfile: Debug + Send + Sync {
     /// Factor on the light's radiance at texture coordinates `uv`.
     fn emission(&self, uv: Vec2) -> Rgb;
-    /// Share of what is emitted at `uv` that a connection sees: where a surface
-    /// is partly transparent, a ray may miss it, but a sampled point never does.
+    /// Opacity at `uv`, by which light from a sampled point is multiplied: a ray may pass a surface that
+    /// is partly transparent, but a sampled point always lies on it.
     fn opacity(&self, uv: Vec2) -> f32;
 }
 
@@ -20,13 +20,13 @@ pub trait EmissionProfile: Debug + Send + Sync {
 /// anticlockwise.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissiveTriangle {
-    /// Its index in the scene.
+    /// Index of the triangle in the scene.
     pub prim: u32,
     /// Corners, metres.
     pub corners: [Vec3; 3],
     /// Texture coordinates of the corners.
     pub uvs: [Vec2; 3],
-    /// How far above the surface a ray must start to be clear of it, metres.
+    /// Distance above the triangle at which a ray must start to be clear of it, metres.
     pub clearance: f32,
 }
 
@@ -46,7 +46,7 @@ impl EmissiveTriangle {
 pub struct MeshLight {
     triangles: Vec<EmissiveTriangle>,
     normals: Vec<Vec3>,
-    /// Chooses triangles.
+    /// Distribution from which triangles are chosen.
     choice: Discrete,
     /// Area density of a point per triangle, m⁻².
     densities: Vec<f32>,
@@ -55,15 +55,16 @@ pub struct MeshLight {
     power: Rgb,
 }
 
-/// Points of a triangle at which its emission is looked up to weigh it.
+/// Points of a triangle at which its emission is looked up to choose triangles by it: more would cost
+/// time when a scene is loaded, fewer miss the details of an image, which costs noise.
 const N_PROBES: u32 = 16;
-/// Least weight of a triangle over its share of the area: the probes may miss
-/// what little it emits.
+/// Least weight with which a triangle is chosen, relative to its share of the area: the points looked
+/// up may miss the little that it emits, and a rare choice of it would then be very bright.
 const MIN_WEIGHT: f32 = 0.05;
 
 impl MeshLight {
-    /// A light of `triangles` in the order of their `prim`; the emission is 1
-    /// where there is no `profile`. `None` when it has no area.
+    /// A light of `triangles` in the order of their `prim`, whose emission is 1 without `profile`;
+    /// `None` if it has no area.
     #[must_use]
     pub fn new(
         triangles: Vec<EmissiveTriangle>,
@@ -103,13 +104,13 @@ impl MeshLight {
         Some(Self { triangles, normals, choice, densities, profile, two_sided, power: power * PI * sides })
     }
 
-    /// Whether both sides emit.
+    /// Whether both sides of the triangles emit.
     #[must_use]
     pub fn two_sided(&self) -> bool {
         self.two_sided
     }
 
-    /// Its triangles by index in the scene, ascending.
+    /// Indices in the scene of its triangles, ascending.
     pub fn prims(&self) -> impl Iterator<Item = u32> {
         self.triangles.iter().map(|t| t.prim)
     }

@@ -27,6 +27,7 @@ mod mesh;
 mod planar;
 mod point;
 mod resize;
+mod sample;
 mod size;
 mod sphere;
 
@@ -36,27 +37,28 @@ use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, luminance};
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
-pub use planar::{Cone, Outline, Planar};
+pub use planar::{Cone, Planar};
 pub use point::Point;
-pub use resize::Resizable;
+pub use resize::{Outline, Resizable};
+pub use sample::{Crossing, LightLeSample, LightLiSample, LightPoint};
 pub use size::SizeDensity;
 pub use sphere::Sphere;
 
-/// Index of a light in its scene.
+/// Index of a light among those of its scene.
 pub type LightId = u32;
 
-/// The closed set of emitter shapes.
+/// Closed set of emitter shapes.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// One-sided rectangle or disk, with an optional cone (a spot).
     Planar(Planar),
     /// Sphere emitting outward.
     Sphere(Sphere),
-    /// A point; its radiance is an intensity, W·sr⁻¹.
+    /// Point, whose radiance is an intensity, W·sr⁻¹.
     Point(Point),
-    /// A single direction; its radiance is an irradiance across it, W·m⁻².
+    /// Single direction at infinity, whose radiance is an irradiance across it, W·m⁻².
     Distant(Distant),
-    /// All directions from infinity.
+    /// All directions at infinity.
     Environment(Environment),
     /// Emissive triangles of the scene.
     Mesh(MeshLight),
@@ -65,81 +67,26 @@ pub enum Shape {
 /// A light source.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// Unique name.
+    /// Name, unique in the scene.
     pub name: String,
     /// Geometry at unit size.
     pub shape: Shape,
     /// Linear Rec.709 colour of luminance 1.
     pub color: Rgb,
-    /// Radiance L that the scene's author gave it, W·m⁻²·sr⁻¹ per unit of `color` (a point:
-    /// W·sr⁻¹, a distant light: W·m⁻²). What it is in a picture the picture's lighting says.
+    /// Radiance L that the scene's author gave the light, W·m⁻²·sr⁻¹ per unit of `color` (a point:
+    /// W·sr⁻¹, a distant light: W·m⁻²). In a picture the radiance is that of the picture's lighting.
     pub radiance: f32,
-    /// Factor s on the shape's unit extents that the scene's author gave it. What it is in a
-    /// picture the picture's lighting says, except for a light that occludes.
+    /// Size s that the scene's author gave the light, a factor on the shape's unit extents. In a picture
+    /// the size is that of the picture's lighting, except for a light that occludes.
     pub size: f32,
-    /// Whether the camera sees the light itself: paths of one edge.
+    /// Whether the camera sees the light itself, by paths of one edge.
     pub camera_visible: bool,
-    /// Whether the planar or spherical body, of the author's size, is black and stops rays.
+    /// Whether the light has a black body that stops rays, planar or spherical, of the author's size.
     pub occludes: bool,
 }
 
-/// The end of a path on a light.
-#[derive(Clone, Copy, Debug)]
-pub struct LightPoint {
-    /// Position, metres; of a light at infinity, somewhere beyond the scene.
-    pub p: Vec3,
-    /// Unit normal of the emitting side; zero for a point light, the direction
-    /// of emission for a light at infinity.
-    pub n: Vec3,
-    /// Size coordinate.
-    pub rho: f32,
-    /// Which triangle of an emissive mesh.
-    pub element: u32,
-}
-
-/// A light met by a ray before its first surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Crossing {
-    /// Ray parameter.
-    pub t: f32,
-    /// The point, on the light at its extent.
-    pub at: LightPoint,
-    /// Unit radiance times colour and profile toward the ray's origin.
-    pub radiance: Rgb,
-}
-
-/// A light point sampled as seen from a reference point.
-#[derive(Clone, Copy, Debug)]
-pub struct LightLiSample {
-    /// Emitted toward the reference point for L = 1, W·sr⁻¹·m⁻²; for a point
-    /// light the intensity over the squared distance, for a distant one the irradiance.
-    pub radiance: Rgb,
-    /// Unit direction from the reference point to the light.
-    pub wi: Vec3,
-    /// Per unit solid angle at the reference point, without the selection
-    /// [`Pmf`]; 1 for a point or distant light.
-    pub pdf: SolidAnglePdf,
-    /// Point on the light.
-    pub at: LightPoint,
-}
-
-/// A sampled emission: the first edge of a light subpath.
-#[derive(Clone, Copy, Debug)]
-pub struct LightLeSample {
-    /// Emitted along `dir` for L = 1.
-    pub radiance: Rgb,
-    /// Point on the light, where the ray starts.
-    pub at: LightPoint,
-    /// Unit direction of emission.
-    pub dir: Vec3,
-    /// Density of the point; 1 for a point or distant light.
-    pub pdf_pos: AreaPdf,
-    /// Density of `dir` given the point.
-    pub pdf_dir: SolidAnglePdf,
-}
-
 impl Light {
-    /// Whether the light is a single position or direction: no ray can hit it.
+    /// Whether the light is a single position or direction, which no ray can hit.
     #[must_use]
     pub fn is_delta(&self) -> bool {
         match self.shape {
@@ -163,8 +110,8 @@ impl Light {
         self.resizable().is_some()
     }
 
-    /// What a light whose size may vary knows of its sizes; `None` for one that has no size, or
-    /// whose body of a fixed size stops rays.
+    /// The light's shape as one that can be resized; `None` for a light that has no size, or whose body
+    /// of a fixed size stops rays.
     #[must_use]
     pub fn resizable(&self) -> Option<&dyn Resizable> {
         if self.occludes {
@@ -177,7 +124,7 @@ impl Light {
         }
     }
 
-    /// Unit of its radiance.
+    /// Unit of the light's radiance, in ASCII.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         match self.shape {
@@ -187,7 +134,7 @@ impl Light {
         }
     }
 
-    /// Tells a light at infinity where the scene is.
+    /// Sets the bounding sphere of the scene for a light at infinity.
     pub fn surround(&mut self, scene: Surroundings) {
         match &mut self.shape {
             Shape::Distant(s) => s.scene = scene,
@@ -203,9 +150,9 @@ impl Light {
         if self.is_infinite() { 1.0 } else { on_light.distance_squared(p) }
     }
 
-    /// Where the ray from `org` along unit `dir` crosses the emitting side of the light at size
-    /// `extent` within `(0, t_max)`. An environment is crossed by a ray that is infinite; an
-    /// emissive mesh never, for its triangles are surfaces.
+    /// Crossing of the ray from `org` along unit `dir` with the emitting side of the light at size
+    /// `extent` within `(0, t_max)`. An environment is crossed by infinite rays only, an emissive mesh
+    /// never, for its triangles are surfaces.
     #[must_use]
     pub fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32, extent: f32) -> Option<Crossing> {
         let mut c = match &self.shape {
@@ -218,8 +165,8 @@ impl Light {
         Some(c)
     }
 
-    /// The light of an emissive mesh met at a point of its triangle `prim` by a
-    /// ray along `dir` of length `t`; `None` from a side that does not emit.
+    /// Emission of an emissive mesh at the point `p` of its triangle `prim`, with texture coordinates
+    /// `uv`, met by a ray along `dir` of length `t`; `None` from a side that does not emit.
     #[must_use]
     pub fn surface_crossing(&self, prim: u32, p: Vec3, uv: Vec2, dir: Vec3, t: f32) -> Option<Crossing> {
         let Shape::Mesh(s) = &self.shape else { return None };
@@ -228,8 +175,8 @@ impl Light {
         Some(c)
     }
 
-    /// Where the ray meets the light's body within `(0, t_max)`; `None` for a
-    /// light that does not stop rays.
+    /// Ray parameter at which the ray from `org` along unit `dir` meets the light's body within
+    /// `(0, t_max)`; `None` for a light that does not stop rays.
     #[must_use]
     pub fn stop(&self, org: Vec3, dir: Vec3, t_max: f32) -> Option<f32> {
         if !self.occludes {
@@ -243,8 +190,8 @@ impl Light {
         (t > 0.0 && t < t_max).then_some(t)
     }
 
-    /// Samples a point on the light as seen from `reference`, its size coordinate by `q`; `None`
-    /// when the light cannot reach `reference`.
+    /// Samples a point on the light as seen from `reference`, with a size coordinate drawn from `q`;
+    /// `None` if the light cannot reach `reference`.
     #[must_use]
     pub fn sample_li(&self, q: &SizeDensity, reference: Vec3, u: Vec2) -> Option<LightLiSample> {
         let mut s = match &self.shape {
@@ -276,7 +223,7 @@ impl Light {
         }
     }
 
-    /// Samples a point, its size coordinate by `q`, and a direction of emission.
+    /// Samples a point on the light, with a size coordinate drawn from `q`, and a direction of emission.
     #[must_use]
     pub fn sample_le(&self, q: &SizeDensity, u_pos: Vec2, u_dir: Vec2) -> Option<LightLeSample> {
         let mut s = match &self.shape {
@@ -305,8 +252,8 @@ impl Light {
         }
     }
 
-    /// Power emitted for unit radiance at size `s`, luminance-weighted, W; of a
-    /// light at infinity, what enters the scene's bounding sphere.
+    /// Power emitted for unit radiance at size `s`, weighted by luminance, W; for a light at infinity
+    /// the power that enters the scene's bounding sphere.
     #[must_use]
     pub fn unit_power(&self, s: f32) -> f32 {
         match &self.shape {
@@ -320,7 +267,7 @@ impl Light {
     }
 }
 
-/// Chooses lights: a fixed probability each, never dependent on the free variables.
+/// Distribution from which lights are chosen, independent of the free variables.
 #[derive(Clone, Debug, Default)]
 pub struct LightSampler(Discrete);
 
@@ -332,8 +279,8 @@ impl LightSampler {
         Self(Discrete::new(&weights).unwrap_or_default())
     }
 
-    /// Chooses a light by `u` in [0, 1), and gives what is left of `u`, again
-    /// uniform in [0, 1); `None` without lights.
+    /// Chooses a light by `u` in [0, 1), with its probability and what is left of `u`, again uniform in
+    /// [0, 1); `None` without lights.
     #[must_use]
     pub fn sample(&self, u: f32) -> Option<(LightId, Pmf, f32)> {
         let (i, rest) = self.0.sample(u)?;

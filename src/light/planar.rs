@@ -4,48 +4,21 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Crossing, LightLeSample, LightLiSample, LightPoint, Resizable, SizeDensity};
+use super::{Crossing, LightLeSample, LightLiSample, LightPoint, Outline, Resizable, SizeDensity};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
-/// Outline at unit size.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outline {
-    /// Half-extents along the frame's tangents, metres.
-    Rectangle {
-        /// Half-extent along `s`.
-        a: f32,
-        /// Half-extent along `t`.
-        b: f32,
-    },
-    /// Radius, metres.
-    Disk {
-        /// Radius.
-        r: f32,
-    },
-}
-
-impl Outline {
-    /// The larger half-extent, or the radius, metres.
-    #[must_use]
-    pub fn extent(&self) -> f32 {
-        match *self {
-            Self::Rectangle { a, b } => a.max(b),
-            Self::Disk { r } => r,
-        }
-    }
-}
-
-/// A cone of emission with a soft edge.
+/// Cone to which emission is limited, with a soft edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// Cosine of the angle within which emission is full.
+    /// Cosine of the angle from the axis within which emission is full.
     pub cos_inner: f32,
-    /// Cosine of the angle beyond which there is none.
+    /// Cosine of the angle from the axis beyond which nothing is emitted.
     pub cos_outer: f32,
 }
 
 impl Cone {
-    /// Relative radiance at `cos_theta` from the axis: a smooth step in the cosine.
+    /// Radiance relative to that along the axis, where `cos_theta` is the cosine of the angle from it:
+    /// a smooth step between the two cosines.
     #[must_use]
     pub fn profile(&self, cos_theta: f32) -> f32 {
         let width = self.cos_inner - self.cos_outer;
@@ -57,21 +30,22 @@ impl Cone {
     }
 }
 
-/// A planar emitter, radiating from the side of `frame.n`.
+/// A planar emitter that radiates from the side of `frame.n`.
 #[derive(Clone, Copy, Debug)]
 pub struct Planar {
     /// Centre, metres.
     pub center: Vec3,
-    /// Axes; `n` is the emitting side.
+    /// Axes of the plane; `n` points away from the emitting side.
     pub frame: Frame,
     /// Outline at unit size.
     pub outline: Outline,
-    /// Emission limited to a cone about `n`; `None` is the whole half-space.
+    /// Cone about `n` to which emission is limited; `None` for the whole half-space.
     pub cone: Option<Cone>,
 }
 
 impl Planar {
-    /// Size coordinate of a point of the plane given in the frame's tangents.
+    /// Size coordinate of a point of the plane, given by its coordinates along the frame's tangents,
+    /// metres.
     #[must_use]
     pub fn rho(&self, x: Vec2) -> f32 {
         match self.outline {

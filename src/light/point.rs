@@ -1,4 +1,4 @@
-//! A single position, isotropic or with a cone.
+//! Point lights, isotropic or with a cone.
 
 use std::f32::consts::PI;
 
@@ -7,17 +7,17 @@ use glam::{Vec2, Vec3};
 use super::{Cone, LightLeSample, LightLiSample, LightPoint};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
-/// A point light.
+/// A point light: its radiance is an intensity, W·sr⁻¹.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Position, metres.
     pub position: Vec3,
-    /// Unit axis and cone of emission; `None` is every direction alike.
+    /// Unit axis and cone to which emission is limited; `None` for all directions alike.
     pub cone: Option<(Vec3, Cone)>,
 }
 
 impl Point {
-    /// A point that emits in every direction alike.
+    /// A point light that emits in all directions alike.
     #[must_use]
     pub fn isotropic(position: Vec3) -> Self {
         Self { position, cone: None }

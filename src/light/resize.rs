@@ -1,23 +1,49 @@
-//! Which sizes of a light meet what.
+//! Lights that can be resized: outlines, and the sizes at which they meet geometry, points and rays.
 
 use glam::Vec3;
 
-use super::Outline;
+/// Outline of a light at unit size, as seen from where it shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outline {
+    /// Rectangle, by its half-extents along the frame's tangents.
+    Rectangle {
+        /// Half-extent along the tangent `s`, metres.
+        a: f32,
+        /// Half-extent along the tangent `t`, metres.
+        b: f32,
+    },
+    /// Disk, by its radius.
+    Disk {
+        /// Radius, metres.
+        r: f32,
+    },
+}
 
-/// A light whose size may vary.
+impl Outline {
+    /// Larger half-extent of a rectangle, radius of a disk, metres.
+    #[must_use]
+    pub fn extent(&self) -> f32 {
+        match *self {
+            Self::Rectangle { a, b } => a.max(b),
+            Self::Disk { r } => r,
+        }
+    }
+}
+
+/// A light whose size s, a factor on its unit extents, may vary.
 pub trait Resizable {
     /// Outline at unit size as seen from where it shines.
     fn outline(&self) -> Outline;
 
-    /// Least size at which the light touches a triangle; infinite when it never does.
+    /// Least size at which the light touches a triangle; infinite if it never does.
     fn size_at_triangle(&self, corners: [Vec3; 3]) -> f32;
 
-    /// Least size at which the light reaches a point that must stay outside for its size coordinate
-    /// to be exact; infinite where none must.
+    /// Least size at which the light reaches the point `p`, where points inside it would make its size
+    /// coordinate inexact; infinite for a light whose coordinate is exact whatever surrounds it.
     fn size_at_point(&self, p: Vec3) -> f32;
 
-    /// Least size at which a ray with unit direction sees the light within `(0, t_max)`; infinite
-    /// when it never does.
+    /// Least size at which the ray from `org` along unit `dir` meets the light within `(0, t_max)`;
+    /// infinite if it never does.
     fn size_at_ray(&self, org: Vec3, dir: Vec3, t_max: f32) -> f32;
 }
 

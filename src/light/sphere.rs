@@ -14,7 +14,7 @@ use super::{
 };
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
-/// A spherical emitter.
+/// A sphere that emits outward.
 #[derive(Clone, Copy, Debug)]
 pub struct Sphere {
     /// Centre, metres.

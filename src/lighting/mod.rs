@@ -1,4 +1,4 @@
-//! What a picture of a scene varies, and what steers its samples.
+//! Lighting, which pictures of a scene vary, and sampling plans, which steer their samples.
 //!
 //! A [`Lighting`] decides what a picture shows, a [`SamplingPlan`] only how noisy it is. Both are
 //! plain values beside a [`Scene`] that does not change, so that pictures of many lightings may be
@@ -8,24 +8,41 @@ mod plan;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    light::Light,
-    scene::{Material, Scene},
-};
+use crate::scene::Scene;
 
 pub use plan::{SampleCounts, SamplingPlan};
 
-/// What varies between pictures of a scene. Lights are in the scene's order.
+/// Largest exposure, and inverse of the least: what lies beyond leaves no f32 to compute with.
+pub const MAX_EXPOSURE: f32 = 1e12;
+/// Largest radiance of a light, in the light's own unit; that of the sun's disc is 2e7. Films sum in
+/// units of display white, which at larger radiances leave the range of f32.
+pub const MAX_RADIANCE: f32 = 1e15;
+
+/// Values of everything that varies between pictures of a scene. Vectors are by light, in the scene's
+/// order.
+///
+/// ```
+/// use lightopt_embree::{import, lighting::Lighting};
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let authored = Lighting::authored(&scene);
+/// assert_eq!((authored.radiance[0], authored.size[0]), (6.0, 1.0));
+///
+/// // Another picture of the same scene: a lamp half as large with the same flux.
+/// let hard = Lighting { radiance: vec![24.0], size: vec![0.5], ..authored.clone() };
+/// assert_eq!((hard.n_lights(), hard.exposure), (1, authored.exposure));
+/// # Ok::<(), import::ImportError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lighting {
-    /// Radiance per light: W·m⁻²·sr⁻¹, W·sr⁻¹ of a point, W·m⁻² of a distant light, per unit of its
-    /// colour.
+    /// Radiance of each light, per unit of its colour: W·m⁻²·sr⁻¹, for a point light its intensity in
+    /// W·sr⁻¹, for a distant light its irradiance in W·m⁻².
     pub radiance: Vec<f64>,
-    /// Factor on the unit extents per light; without effect where a light has no size.
+    /// Size of each light, a factor on its unit extents; without effect for a light that has no size.
     pub size: Vec<f64>,
-    /// Factor on the base colour of the background's materials.
+    /// Value of the background: a factor on the base colour of its materials.
     pub value: f64,
-    /// Factor on luminance before display encoding.
+    /// Exposure: a factor on luminance before display encoding.
     pub exposure: f64,
 }
 
@@ -45,25 +62,6 @@ impl Lighting {
     #[must_use]
     pub fn at_unit_radiance(&self) -> Self {
         Self { radiance: vec![1.0; self.radiance.len()], ..self.clone() }
-    }
-
-    /// The scene's lights with this lighting's radiances and sizes in the place of the author's.
-    #[must_use]
-    pub fn lights(&self, scene: &Scene) -> Vec<Light> {
-        let settings = self.radiance.iter().zip(&self.size);
-        let lit = |(light, (&l, &s)): (&Light, (&f64, &f64))| Light {
-            radiance: l as f32,
-            size: s as f32,
-            ..light.clone()
-        };
-        scene.lights.iter().zip(settings).map(lit).collect()
-    }
-
-    /// The scene's materials with the background's value multiplied into their base colours.
-    #[must_use]
-    pub fn materials(&self, scene: &Scene) -> Vec<Material> {
-        let scaled = |(i, m): (usize, &Material)| m.scaled(scene.value_of(i, self.value as f32));
-        scene.materials.iter().enumerate().map(scaled).collect()
     }
 
     /// Number of lights.

@@ -5,27 +5,27 @@ use glam::Vec3;
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Least corner.
+    /// Corner with the least coordinates.
     pub lo: Vec3,
-    /// Largest corner.
+    /// Corner with the largest coordinates.
     pub hi: Vec3,
 }
 
 impl Bounds {
-    /// The smallest box that holds some points; of none it is inside out.
+    /// Smallest box that contains `points`; without points `lo` is +∞ and `hi` −∞.
     #[must_use]
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         let empty = Self { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY };
         points.into_iter().fold(empty, |b, p| Self { lo: b.lo.min(p), hi: b.hi.max(p) })
     }
 
-    /// The smallest box that holds both.
+    /// Smallest box that contains both boxes.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         Self { lo: self.lo.min(other.lo), hi: self.hi.max(other.hi) }
     }
 
-    /// Side lengths.
+    /// Side lengths along x, y and z.
     #[must_use]
     pub fn extent(&self) -> Vec3 {
         self.hi - self.lo
@@ -37,7 +37,7 @@ impl Bounds {
         self.extent().length()
     }
 
-    /// The middle.
+    /// Midpoint.
     #[must_use]
     pub fn center(&self) -> Vec3 {
         0.5 * (self.lo + self.hi)

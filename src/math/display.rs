@@ -18,7 +18,7 @@ pub fn luminance(rgb: [f32; 3]) -> f64 {
     LUMINANCE_WEIGHTS[0] * r + LUMINANCE_WEIGHTS[1] * g + LUMINANCE_WEIGHTS[2] * b
 }
 
-/// How linear luminance becomes the `l` of the terms.
+/// Measure of luminance: how linear luminance becomes the `l` that the terms of f_q measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LuminanceMode {

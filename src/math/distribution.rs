@@ -33,18 +33,6 @@ impl Discrete {
         Some(Self { pmf: weights.iter().map(|w| (w / total) as f32).collect(), cdf })
     }
 
-    /// Number of members.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.pmf.len()
-    }
-
-    /// Whether there are no members.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.pmf.is_empty()
-    }
-
     /// Probability of a member.
     #[must_use]
     pub fn pmf(&self, i: usize) -> f32 {
@@ -58,8 +46,7 @@ impl Discrete {
         let last = self.cdf.len().checked_sub(1)?;
         let i = self.cdf.partition_point(|&c| c <= u).min(last);
         let below = i.checked_sub(1).map_or(0.0, |j| self.cdf[j]);
-        let width = (self.cdf[i] - below).max(f32::MIN_POSITIVE);
-        Some((i, ((u - below) / width).clamp(0.0, ONE_MINUS_EPSILON)))
+        Some((i, ((u - below) / self.pmf[i].max(f32::MIN_POSITIVE)).clamp(0.0, ONE_MINUS_EPSILON)))
     }
 }
 

@@ -29,13 +29,13 @@ impl Frame {
         }
     }
 
-    /// World to local.
+    /// Coordinates in this frame of the world-space vector `v`.
     #[must_use]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
     }
 
-    /// Local to world.
+    /// World-space vector with the coordinates `v` in this frame.
     #[must_use]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.s * v.x + self.t * v.y + self.n * v.z

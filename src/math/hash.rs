@@ -9,7 +9,7 @@ pub fn mix64(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Hash of bytes.
+/// Hash of a sequence of bytes, the same on every machine.
 #[must_use]
 pub fn hash_bytes(bytes: impl Iterator<Item = u8>) -> u64 {
     let (mut hash, mut word, mut n) = (0, 0_u64, 0_u64);
@@ -23,7 +23,7 @@ pub fn hash_bytes(bytes: impl Iterator<Item = u8>) -> u64 {
     hash_words(&[hash, word, n])
 }
 
-/// Folds words into one well-mixed word; the order matters.
+/// Hash of a sequence of words, which depends on their order.
 #[must_use]
 pub fn hash_words(words: &[u64]) -> u64 {
     words.iter().fold(0x243f_6a88_85a3_08d3, |h, &w| mix64(h ^ w))

@@ -1,4 +1,5 @@
-//! The ground floor: colour, frames, densities, warps and statistics.
+//! Mathematics that every other module builds on: colour and display encoding, frames, bounds,
+//! densities, warps, discrete distributions, hashing and statistics.
 
 pub mod bounds;
 pub mod display;

@@ -4,7 +4,7 @@
 /// its square over the unit square.
 pub const PLASTIC: f64 = 0.754_877_666_246_692_8;
 
-/// The `i`-th point of the sequence in [0, 1)², the first at the middle.
+/// Point `i` of the sequence in [0, 1)²; point 0 is the middle.
 #[must_use]
 pub fn r2(i: u32) -> [f64; 2] {
     [PLASTIC, PLASTIC * PLASTIC].map(|step| (0.5 + f64::from(i) * step).fract())

@@ -1,6 +1,6 @@
 //! Statistics for tests and error bars.
 
-/// Running mean and variance, \[Welford62\].
+/// Running mean and variance of a series of observations. \[Welford62\]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Moments {
     n: u64,
@@ -23,26 +23,27 @@ impl Moments {
         self.n
     }
 
-    /// Mean; zero without observations.
+    /// Sample mean; zero without observations.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.mean
     }
 
-    /// Unbiased variance; zero below two observations.
+    /// Unbiased sample variance; zero below two observations.
     #[must_use]
     pub fn variance(&self) -> f64 {
         if self.n < 2 { 0.0 } else { self.m2 / (self.n - 1) as f64 }
     }
 
-    /// Variance of the mean.
+    /// Variance of the sample mean: the sample variance over the number of observations.
     #[must_use]
     pub fn variance_of_mean(&self) -> f64 {
         if self.n == 0 { 0.0 } else { self.variance() / self.n as f64 }
     }
 }
 
-/// The median: the mean of the two middle values of an even number; `None` of nothing.
+/// Median of `values`, the mean of the two middle ones where their number is even; `None` without
+/// values.
 #[must_use]
 pub fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();

@@ -1,22 +1,24 @@
-//! Distance between cumulated histograms: eq. (8).
+//! Cumulated histograms of display luminance, and the distance between two: \[PG14\] eq. (8).
 //!
-//! A pixel enters `q_i` as a ramp one bin wide centred on the bin's upper edge, from 1
-//! below to 0 above; the ramps of neighbouring bins abut, so a pixel lies in one of them
-//! and the histogram costs O(N). The last `q` is 1 by definition.
+//! A pixel enters the value `q_i` of bin i as a ramp one bin wide centred on the bin's upper edge, from
+//! 1 below to 0 above; the ramps of neighbouring bins abut, so a pixel lies in one of them and the
+//! histogram of N pixels costs O(N). The last `q` is 1 by definition.
 
 use super::smoothing::{Ramp, modulus};
 
-/// Number of bins.
+/// Number of bins: one for each code of an 8-bit picture, as in \[PG14\] eq. (8).
 pub const BINS: usize = 256;
 
-/// Pixels that are counted side by side.
+/// Pixels that are counted side by side, each in counts of its own: neighbours often fall into the same
+/// bin, and need not wait for each other then. A dark picture of 128 × 96 pixels takes 29 µs, with one
+/// set of counts 35, with eight 28 but 16 kB.
 const LANES: usize = 4;
 
-/// A cumulated histogram, one value a bin.
+/// A cumulated histogram: for each bin the share of pixels below its upper edge.
 pub type Cumulated = [f64; BINS];
 
-/// Where a pixel's ramp lies: index of the bin whose ramp holds it (−1: below all of
-/// them) and the position within, in [0, 1).
+/// Where a pixel lies on the ramps: index of the bin whose ramp holds it (−1: below all of
+/// them) and the position within that ramp, in [0, 1).
 fn locate(l: f64) -> (isize, f64) {
     let u = l.clamp(0.0, 1.0) * BINS as f64 - 0.5;
     // ⌊u⌋ for u ≥ −1 by truncation; `floor` is a library call on baseline x86-64.
@@ -24,10 +26,9 @@ fn locate(l: f64) -> (isize, f64) {
     (cell, u - cell as f64)
 }
 
-/// `q_i = 1/N Σ_p ramp`, `q_255 = 1`.
+/// Cumulated histogram of a picture's display luminance: `q_i = 1/N Σ_p ramp`, `q_255 = 1`.
 pub(super) fn cumulated(l: &[f64], ramp: Ramp) -> Cumulated {
-    // masses[_][j] is what bins j and above gain over bin j − 1; neighbouring pixels, which often
-    // fall into the same bin, add to different ones and need not wait for each other.
+    // masses[_][j] is what bins j and above gain over bin j − 1.
     let mut masses = [[0.0; BINS + 1]; LANES];
     for l in l.chunks(LANES) {
         for (&l, mass) in l.iter().zip(&mut masses) {
@@ -52,8 +53,9 @@ pub(super) fn cumulated(l: &[f64], ramp: Ramp) -> Cumulated {
     q
 }
 
-/// Adds `Σ_i adjoint_i · ∂q_i/∂l` to `out`.
-pub(super) fn add_adjoint(l: &[f64], ramp: Ramp, adjoint: &Cumulated, out: &mut [f64]) {
+/// Adds `Σ_i adjoint_i · ∂q_i/∂l` to `out`; `adjoint` has a value for each bin.
+pub(super) fn add_adjoint(l: &[f64], ramp: Ramp, adjoint: &[f64], out: &mut [f64]) {
+    assert_eq!(adjoint.len(), BINS, "one derivative a bin");
     let step = -(BINS as f64) / l.len() as f64;
     for (out, &l) in out.iter_mut().zip(l) {
         let (cell, t) = locate(l);
@@ -63,18 +65,18 @@ pub(super) fn add_adjoint(l: &[f64], ramp: Ramp, adjoint: &Cumulated, out: &mut 
     }
 }
 
-/// `f_hist` of eq. (8): distance of the cumulated histogram `q` of a picture to `p` of a
+/// `f_hist` of \[PG14\] eq. (8): distance of the cumulated histogram `q` of a picture to `p` of a
 /// signature. Not symmetric: `q` alone normalises.
 #[must_use]
 pub fn f_hist(p: &Cumulated, q: &Cumulated) -> f64 {
-    distance(p, q, 0.0).0
+    distance(p, q, 0.0, &mut [0.0; BINS])
 }
 
-/// `f_hist` of eq. (8) and its derivative in every `q_i`.
+/// `f_hist` of \[PG14\] eq. (8), and its derivative in every `q_i` into `derivative`, where zeros are.
 ///
 /// `epsilon` > 0 smooths: `√q` becomes `√(q+ε)`, and `max(q, 1−q)` = ½ + |q−½| becomes
 /// ½ + √((q−½)²+ε²). With ε = 0 an infinite derivative (q = 0) is reported as 0.
-pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumulated) {
+pub(super) fn distance(p: &[f64], q: &[f64], epsilon: f64, derivative: &mut [f64]) -> f64 {
     let mut numerator = 0.0;
     let mut denominator = 0.0;
     for (&p, &q) in p.iter().zip(q) {
@@ -82,8 +84,7 @@ pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumu
         numerator += d * d;
         denominator += 0.5 + modulus(q - 0.5, epsilon);
     }
-    let f = (numerator / denominator).sqrt(); // eq. (8)
-    let mut derivative = [0.0; BINS];
+    let f = (numerator / denominator).sqrt(); // [PG14] eq. (8)
     if f > 0.0 {
         for ((out, &p), &q) in derivative.iter_mut().zip(p).zip(q) {
             let root = (q + epsilon).sqrt();
@@ -94,7 +95,7 @@ pub(super) fn distance(p: &Cumulated, q: &Cumulated, epsilon: f64) -> (f64, Cumu
         }
         derivative[BINS - 1] = 0.0; // the last q is 1, whatever the picture
     }
-    (f, derivative)
+    f
 }
 
 #[cfg(test)]
@@ -137,12 +138,12 @@ mod tests {
         // p = 0 but for the last, q = 1: numerator 255, denominator 256.
         let mut p = [0.0; BINS];
         p[BINS - 1] = 1.0;
-        let (f, _) = distance(&p, &[1.0; BINS], 0.0);
+        let f = f_hist(&p, &[1.0; BINS]);
         assert!((f - (255.0_f64 / 256.0).sqrt()).abs() < 1e-15);
         // p = 1, q = 1/4 in every bin: (1 − ½)² against max(¼, ¾).
         let mut q = [0.25; BINS];
         q[BINS - 1] = 1.0;
-        let (f, _) = distance(&[1.0; BINS], &q, 0.0);
+        let f = f_hist(&[1.0; BINS], &q);
         let want = (255.0_f64 * 0.25 / (255.0 * 0.75 + 1.0)).sqrt();
         assert!((f - want).abs() < 1e-15);
     }

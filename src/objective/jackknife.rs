@@ -2,47 +2,48 @@
 //!
 //! `z_J = R·z(l(Ȳ)) − (R−1)·mean_r z(l(Ȳ₋ᵣ))` for every statistic z, from the mean Ȳ of
 //! R independent replicates and the R means Ȳ₋ᵣ that leave one out. Roots, moduli and
-//! clipping come after.
+//! clipping come after. An f_q that is reported is estimated so.
 //!
-//! What is reported is that. It leaves a bias of the order R⁻², which the second order removes
-//! ([`second_order`]).
+//! A bias of the order R⁻² is left, which the [second order](second_order) removes.
 //!
 //! # References
 //! \[Efron82\] ch. 2 (bias, eq. 2.8) and ch. 3 (standard error, eq. 3.1); \[Schucany71\].
 
 use super::special::student_t_95;
-use super::{Evaluation, N_SCALARS, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
+use super::{Evaluation, Objective, ObjectiveError, Ramp, Smoothing, Statistics};
 
-/// f_q estimated from R replicates.
+/// f_q estimated from R replicates of a picture, with its error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JackknifeEstimate {
-    /// f_J: f_q and terms from the bias-corrected statistics.
+    /// Estimate f_J of f_q and its terms, from the bias-corrected statistics.
     pub evaluation: Evaluation,
-    /// f_q of the mean picture, uncorrected.
+    /// f_q of the mean picture, biased by the noise that is left in it.
     pub naive: f64,
-    /// Delete-one jackknife standard error of f_q.
+    /// Standard error of f_q by the delete-one jackknife.
     pub standard_error: f64,
-    /// Half width of the 95 % interval: Student t with R−1 degrees of freedom times the
-    /// standard error. The full error bar is this plus |`correction`|.
+    /// Half width of the 95 % interval of f_q: the standard error times Student's t with R−1 degrees
+    /// of freedom. The [error bar](Self::error_bar) adds the size of `correction`.
     pub half_width: f64,
-    /// Noise correction `c = f_naive − f_J`.
+    /// Noise correction `c = f_naive − f_J`: by how much noise raises f_q of the mean picture.
     pub correction: f64,
-    /// Standard errors of the normalised residuals of the scalar terms, see
-    /// [`super::TermValue::residual`].
-    pub residual_errors: [f64; N_SCALARS],
-    /// R.
+    /// Standard errors of the [normalised residuals](super::TermValue::residual) of the scalar terms
+    /// that the target has goals for, in their order.
+    pub residual_errors: Vec<f64>,
+    /// Number R of replicates, ≥ 2.
     pub replicates: usize,
 }
 
 impl JackknifeEstimate {
-    /// `half_width + |correction|`.
+    /// Half width of the interval that is reported, `half_width + |correction|`: the jackknife leaves
+    /// a part of the bias, which the correction bounds.
     #[must_use]
     pub fn error_bar(&self) -> f64 {
         self.half_width + self.correction.abs()
     }
 }
 
-/// `z_J`, unclipped; with several labellings of the R replicates their mean.
+/// Bias-corrected statistics `z_J`, unclipped: from the statistics of the mean picture and, for each
+/// labelling of the R replicates, of the R means that leave one out. Labellings are averaged.
 ///
 /// # Errors
 /// With fewer than two replicates.
@@ -78,7 +79,7 @@ pub fn second_order(full: &Statistics, one_out: &[Statistics], two_out: &[Statis
     z
 }
 
-/// Weights of z(Ȳ) and of each z(Ȳ₋ᵣ) in z_J: R and −(R−1)/R. Gradients combine alike.
+/// Weights of z(Ȳ) and of each z(Ȳ₋ᵣ) in z_J: R and −(R−1)/R. Gradients combine by the same weights.
 pub(super) fn weights(replicates: usize) -> Result<[f64; 2], ObjectiveError> {
     if replicates < 2 {
         return Err(ObjectiveError::TooFewReplicates { replicates });
@@ -87,14 +88,14 @@ pub(super) fn weights(replicates: usize) -> Result<[f64; 2], ObjectiveError> {
     Ok([r, -(r - 1.0) / r])
 }
 
-/// Statistics of replicates as the optimiser uses them.
+/// Bias-corrected statistics of replicates, with those from which adjoints are carried back.
 #[derive(Clone, Debug)]
 pub struct Jackknifed {
-    /// Of the mean picture.
+    /// Statistics of the mean picture.
     full: Statistics,
-    /// Of the means that leave one out.
+    /// Statistics of the R means that leave one replicate out.
     one_out: Vec<Statistics>,
-    /// z_J.
+    /// Bias-corrected statistics z_J, unclipped.
     pub corrected: Statistics,
 }
 
@@ -129,8 +130,7 @@ impl Objective {
             let values = one_out.iter().map(|labelling| labelling.iter().map(of).collect());
             (values.map(|f| variance(&f)).sum::<f64>() / one_out.len() as f64).sqrt()
         };
-        let errors = |i: usize| standard_error(&|e| e.terms[i].residual());
-        let residual_errors = std::array::from_fn(errors);
+        let residual_errors = self.scalars().map(|term| standard_error(&|e| e[term].residual())).collect();
         let standard_error = standard_error(&|e| e.f_q);
         Ok(JackknifeEstimate {
             correction: naive - evaluation.f_q,
@@ -143,7 +143,8 @@ impl Objective {
         })
     }
 
-    /// Statistics of the mean picture and of the means that leave one replicate out.
+    /// Bias-corrected statistics from the display luminance of the mean picture and of the means that
+    /// leave one replicate out.
     ///
     /// # Errors
     /// With fewer than two replicates.

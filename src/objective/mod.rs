@@ -1,9 +1,9 @@
 //! The aesthetic objective f_q of a picture, with its exact derivative.
 //!
-//! `f_q = Σ w_s f_s` over six terms: mean and spread of the display luminance `l` over
-//! the main object and over the background, the object's mean gradient, and the distance
-//! of the cumulated histogram to a signature. Pictures are row-major slices of `l` in
-//! [0, 1], all f64; sums run in pixel order, so values do not depend on threads.
+//! `f_q = Σ w_s f_s` over the terms of the table in [`terms`]: mean and spread of the display
+//! luminance `l` over the main object and over the background, the object's mean gradient, and the
+//! distance of the cumulated histogram to a signature. Pictures are row-major slices of `l` in
+//! [0, 1], all f64; sums run in an order that does not depend on threads, and neither do values.
 //!
 //! A picture is measured once ([`Objective::statistics`]); the terms are functions of
 //! those statistics alone ([`Objective::terms`]), so that replicates can be combined
@@ -12,167 +12,59 @@
 //! # References
 //! \[PG14\] eqs. (1)–(8).
 
-mod gradient;
+mod adjoint;
+mod evaluation;
 pub mod histogram;
 pub mod jackknife;
 mod moments;
+mod picture;
+mod problem;
 mod region;
 pub mod replicates;
 pub mod signature;
 pub mod smoothing;
 pub mod special;
-mod statistics;
 pub mod target;
+pub mod terms;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 
-use serde::Serialize;
-use serde::ser::{SerializeMap, Serializer};
 use thiserror::Error;
 
 pub use crate::math::display::LuminanceMode;
+pub use evaluation::{Evaluation, Residual, Residuals, TermValue};
 pub use jackknife::{JackknifeEstimate, Jackknifed};
 pub use replicates::{LABELLINGS, Replicates};
 pub use smoothing::{Ramp, Smoothing};
-pub use statistics::Statistics;
 pub use target::Target;
+pub use terms::{Goal, N_TERMS, Statistics, Term, Values};
 
-use histogram::Cumulated;
+use adjoint::Adjoint;
+use picture::Picture;
 use region::Regions;
+use terms::{Distance, Kind, Scalar};
 
-/// The terms of the objective, in the order in which they are summed and listed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Term {
-    /// Mean luminance of the object, eq. (2).
-    MeanObj,
-    /// Mean luminance of the background, eq. (3).
-    MeanBack,
-    /// Standard deviation over the object, eq. (4).
-    VarObj,
-    /// Standard deviation over the background, eq. (5).
-    VarBack,
-    /// Root mean squared gradient over the object, eqs. (6) and (7).
-    Grad,
-    /// Distance of the cumulated histogram to the signature, eq. (8).
-    Hist,
-}
-
-impl Term {
-    /// All six.
-    pub const ALL: [Self; 6] =
-        [Self::MeanObj, Self::MeanBack, Self::VarObj, Self::VarBack, Self::Grad, Self::Hist];
-
-    /// Its name in files and tables, the paper's.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::MeanObj => "meanObj",
-            Self::MeanBack => "meanBack",
-            Self::VarObj => "varObj",
-            Self::VarBack => "varBack",
-            Self::Grad => "grad",
-            Self::Hist => "hist",
-        }
-    }
-}
-
-/// Terms that are a modulus of a number less its target, eqs. (2) to (7): all but the histogram.
-pub const N_SCALARS: usize = 5;
-
-/// One term of an evaluation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TermValue {
-    /// Which one.
-    pub term: Term,
-    /// What was measured: mean, σ or g; for the histogram the distance itself.
-    pub value: f64,
-    /// What it should be; for the histogram 0.
-    pub target: f64,
-    /// Its weight in f_q.
-    pub weight: f64,
-    /// f_s: the normalised residual, 0 when the target is met.
-    pub f: f64,
-}
-
-impl TermValue {
-    /// Its share of f_q: `weight · f`.
-    #[must_use]
-    pub fn contribution(&self) -> f64 {
-        self.weight * self.f
-    }
-
-    /// The most by which a scalar can miss its target, eqs. (2) to (7).
-    fn norm(&self) -> f64 {
-        self.target.max(1.0 - self.target)
-    }
-
-    /// What is measured less its target, relative to the most that can be missed: signed.
-    #[must_use]
-    pub fn residual(&self) -> f64 {
-        (self.value - self.target) / self.norm()
-    }
-}
-
-impl Serialize for TermValue {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(4))?;
-        map.serialize_entry("value", &self.value)?;
-        map.serialize_entry("target", &self.target)?;
-        map.serialize_entry("f", &self.f)?;
-        map.serialize_entry("weight", &self.weight)?;
-        map.end()
-    }
-}
-
-/// Value of the objective with its terms; serialises as `{f_q, terms: {name: {…}}}`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Evaluation {
-    /// Σ weight · f.
-    pub f_q: f64,
-    /// The terms, in the order of [`Term::ALL`].
-    #[serde(serialize_with = "terms_by_name")]
-    pub terms: [TermValue; 6],
-}
-
-fn terms_by_name<S: Serializer>(terms: &[TermValue; 6], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(terms.iter().map(|t| (t.term.name(), t)))
-}
-
-impl Evaluation {
-    /// The terms by name: value, target, f and weight of each.
-    #[must_use]
-    pub fn terms_json(&self) -> serde_json::Value {
-        self.terms.iter().map(|t| (t.term.name().to_owned(), serde_json::json!(t))).collect()
-    }
-
-    /// The term `term`.
-    #[must_use]
-    pub fn get(&self, term: Term) -> &TermValue {
-        &self.terms[term as usize]
-    }
-}
-
-/// Why an objective cannot be set up or used.
+/// Why an objective cannot be set up, or an error not be estimated.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ObjectiveError {
     /// The picture has no pixels.
     #[error("a picture of {width} x {height} pixels has nothing to measure")]
     EmptyPicture {
-        /// Width, pixels.
+        /// Width of the picture, pixels.
         width: usize,
-        /// Height, pixels.
+        /// Height of the picture, pixels.
         height: usize,
     },
     /// Mask and picture differ in size.
     #[error("the mask has {mask} pixels, the picture {width} x {height} = {}", width * height)]
     MaskSize {
-        /// Pixels of the mask.
+        /// Number of pixels of the mask.
         mask: usize,
-        /// Width of the picture.
+        /// Width of the picture, pixels.
         width: usize,
-        /// Height of the picture.
+        /// Height of the picture, pixels.
         height: usize,
     },
     /// No pixel belongs to the object.
@@ -190,39 +82,42 @@ pub enum ObjectiveError {
     /// The jackknife needs at least two replicates.
     #[error("an error estimate needs at least 2 replicates, got {replicates}")]
     TooFewReplicates {
-        /// How many there were.
+        /// Number of replicates that there were.
         replicates: usize,
     },
 }
 
-/// A term before its modulus is taken.
-#[derive(Clone, Debug)]
-pub struct Residual {
-    /// Its weight in f_q.
-    pub weight: f64,
-    /// Normalised, signed.
-    pub value: f64,
-    /// Derivative by the statistics.
-    pub by_statistics: Statistics,
-}
-
-/// The terms before moduli are taken.
-#[derive(Clone, Debug)]
-pub struct Residuals {
-    /// Of the terms of eqs. (2) to (7).
-    pub scalars: [Residual; N_SCALARS],
-    /// The share of the histogram, eq. (8), which has no modulus.
-    pub hist: Residual,
-}
-
 /// The objective for pictures of one size with one mask.
+///
+/// ```
+/// use lightopt_embree::objective::{Objective, Smoothing, Target};
+///
+/// // Two columns of object, two of background; brightness as a display shows it, 0 to 1.
+/// let mask = [true, true, false, false].repeat(3);
+/// let objective = Objective::new(&Target::resolve("high-key")?, 4, 3, &mask)?;
+/// let picture = [0.3, 0.6, 0.7, 0.9].repeat(3);
+/// let f_q = objective.evaluate(&picture).f_q;
+///
+/// // Brighten the picture where its derivative says that it should be: f_q falls.
+/// let mut adjoint = vec![0.0; picture.len()];
+/// objective.evaluate_smooth(&picture, &Smoothing::with_delta(1e-3), Some(&mut adjoint));
+/// let better: Vec<f64> = picture.iter().zip(&adjoint).map(|(l, d)| l - 0.01 * d).collect();
+/// assert!(objective.evaluate(&better).f_q < f_q);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Objective {
     regions: Regions,
-    /// Targets of the five scalar terms, in the order of [`Term::ALL`].
-    targets: [f64; N_SCALARS],
-    weights: [f64; 6],
-    signature: Cumulated,
+    /// Target values and the signature's cumulated histogram, in the places of the statistics that are
+    /// compared with them.
+    aims: Statistics,
+    /// Weights in f_q, in the order of [`Term::ALL`].
+    weights: [f64; N_TERMS],
+    /// Whether the target has a goal for each term, in the order of [`Term::ALL`].
+    has_goal: [bool; N_TERMS],
+    /// Whether the statistics of each term are measured: of those with a goal, and of those whose
+    /// statistics they read.
+    is_measured: [bool; N_TERMS],
 }
 
 impl Objective {
@@ -232,26 +127,43 @@ impl Objective {
     /// When the mask does not fit the size, or leaves the object or the background empty:
     /// their terms would have no value, whatever their weights.
     pub fn new(target: &Target, width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
+        let regions = Regions::checked(width, height, mask)?;
+        let mut aims = Statistics::ZERO;
+        for (term, goal) in target.goals() {
+            goal.write(&mut aims[term]);
+        }
+        let is_needed = |term: Term| target.goals().any(|(other, _)| other == term || other.reads(term));
         Ok(Self {
-            regions: Regions::checked(width, height, mask)?,
-            targets: target.targets,
-            weights: target.weights,
-            signature: target.signature.cumulated(),
+            regions,
+            aims,
+            weights: Term::ALL.map(|term| target.weight(term)),
+            has_goal: Term::ALL.map(|term| target.goal(term).is_some()),
+            is_measured: Term::ALL.map(is_needed),
         })
     }
 
     /// The same objective with `term` alone, at weight 1.
     #[must_use]
     pub fn only(&self, term: Term) -> Self {
-        let mut weights = [0.0; 6];
+        let mut weights = [0.0; N_TERMS];
         weights[term as usize] = 1.0;
         Self { weights, ..self.clone() }
     }
 
-    /// Weights of the five scalar terms.
+    /// The terms of an evaluation, in the order of [`Term::ALL`]: those that the target has goals for.
+    pub fn listed(&self) -> impl Iterator<Item = Term> {
+        Term::ALL.into_iter().filter(|&term| self.has_goal[term as usize])
+    }
+
+    /// The [listed](Self::listed) terms that are moduli: all but the distances.
+    pub fn scalars(&self) -> impl Iterator<Item = Term> {
+        self.listed().filter(|term| !term.is_distance())
+    }
+
+    /// Weights of the [scalar terms](Self::scalars).
     #[must_use]
-    pub fn scalar_weights(&self) -> [f64; N_SCALARS] {
-        std::array::from_fn(|i| self.weights[i])
+    pub fn scalar_weights(&self) -> Vec<f64> {
+        self.scalars().map(|term| self.weights[term as usize]).collect()
     }
 
     /// Number of pixels of a picture.
@@ -290,13 +202,15 @@ impl Objective {
         evaluation
     }
 
-    /// Raw statistics of display luminance `l`; `ramp` is that of the smoothing in use.
+    /// Raw statistics of display luminance `l`, as far as the target has goals for them; `ramp` is that
+    /// of the smoothing in use.
     ///
     /// # Panics
     /// When `l` has another size than the objective.
     #[must_use]
     pub fn statistics(&self, l: &[f64], ramp: Ramp) -> Statistics {
-        Statistics::of_regions(l, &self.regions, ramp)
+        let picture = Picture::new(l, &self.regions, ramp);
+        Statistics::of_picture(&picture, |term| self.is_measured[term as usize])
     }
 
     /// f_q and its terms from raw statistics; every `q_i` is clipped to [0, 1], variances
@@ -309,69 +223,71 @@ impl Objective {
     /// [`Objective::terms`] with `∂f_q/∂z` for every statistic.
     #[must_use]
     pub fn terms_with_gradient(&self, z: &Statistics, smoothing: &Smoothing) -> (Evaluation, Statistics) {
-        let (sigma_obj, d_sigma_obj) = smoothing.root(z.var_obj);
-        let (sigma_back, d_sigma_back) = smoothing.root(z.var_back);
-        let (g, d_g) = smoothing.root(z.grad2);
-        let values = [z.mean_obj, z.mean_back, sigma_obj, sigma_back, g];
-        let d_values = [1.0, 1.0, d_sigma_obj, d_sigma_back, d_g];
-
-        let epsilon = smoothing.pixels / self.regions.n_pixels();
-        let clipped = z.cumulated.map(|q| q.clamp(0.0, 1.0));
-        let (f_hist, d_hist) = histogram::distance(&self.signature, &clipped, epsilon);
-
-        let mut terms = Term::ALL.map(|term| TermValue {
-            term,
-            value: f_hist,
-            target: 0.0,
-            weight: self.weights[term as usize],
-            f: f_hist,
+        let mut gradient = Statistics::ZERO;
+        let terms = Term::ALL.map(|term| {
+            let by_statistics = &mut gradient[term];
+            self.has_goal[term as usize].then(|| match term.kind() {
+                Kind::Scalar(scalar) => self.scalar(term, scalar, z, smoothing, by_statistics),
+                Kind::Distance(distance) => self.distance(term, distance, z, smoothing, by_statistics),
+            })
         });
-        let mut slopes = [0.0; N_SCALARS];
-        for (i, (&value, &t)) in values.iter().zip(&self.targets).enumerate() {
-            let term = TermValue { value, target: t, ..terms[i] };
-            let (f, slope) = smoothing.absolute(term.residual()); // eqs. (2)-(5), (7)
-            terms[i] = TermValue { f, ..term };
-            slopes[i] = self.weights[i] * slope / term.norm() * d_values[i];
-        }
-        let f_q = terms.iter().map(TermValue::contribution).sum(); // eq. (1)
-
-        let mut cumulated = d_hist.map(|d| self.weights[Term::Hist as usize] * d);
-        for (d, q) in cumulated.iter_mut().zip(&z.cumulated) {
-            if !(0.0..=1.0).contains(q) {
-                *d = 0.0;
-            }
-        }
-        let gradient = Statistics {
-            mean_obj: slopes[0],
-            mean_back: slopes[1],
-            var_obj: slopes[2],
-            var_back: slopes[3],
-            grad2: slopes[4],
-            cumulated,
-        };
+        let f_q = terms.iter().flatten().map(TermValue::contribution).sum(); // [PG14] eq. (1)
         (Evaluation { f_q, terms }, gradient)
     }
 
-    /// The terms as the moduli that they are: signed residuals of the five scalar terms and
-    /// the histogram's distance, each with its weight and its derivative by the statistics.
-    /// f_q is the distance's share and the sum of `weight · |residual|`.
+    /// Value of a scalar term; the derivative of its share in f_q is written to `by_statistics`.
+    fn scalar(
+        &self,
+        term: Term,
+        scalar: &Scalar,
+        z: &Statistics,
+        smoothing: &Smoothing,
+        by_statistics: &mut [f64],
+    ) -> TermValue {
+        let (value, d_value) = scalar.value(z.scalar(term), smoothing);
+        let (target, weight) = (self.aims.scalar(term), self.weights[term as usize]);
+        let value = TermValue { term, value, target, weight, f: 0.0 };
+        let (f, slope) = smoothing.absolute(value.residual()); // [PG14] eqs. (2)-(5), (7)
+        by_statistics.fill(weight * slope / term.largest_miss(target) * d_value);
+        TermValue { f, ..value }
+    }
+
+    /// Value of a distance; the derivative of its share in f_q is written to `by_statistics`.
+    fn distance(
+        &self,
+        term: Term,
+        distance: &Distance,
+        z: &Statistics,
+        smoothing: &Smoothing,
+        by_statistics: &mut [f64],
+    ) -> TermValue {
+        let epsilon = smoothing.pixels / self.regions.n_pixels();
+        let f = (distance.compare)(&self.aims[term], &z[term], epsilon, by_statistics);
+        let weight = self.weights[term as usize];
+        by_statistics.iter_mut().for_each(|d| *d *= weight);
+        TermValue { term, value: f, target: 0.0, weight, f }
+    }
+
+    /// The terms as the moduli that they are: signed residuals of the scalar terms and the sum of the
+    /// distances, each with its weight and its derivative by the statistics. f_q is the sum of
+    /// the distances and of `weight · |residual|`.
     #[must_use]
     pub fn residuals(&self, z: &Statistics, smoothing: &Smoothing) -> Residuals {
         let (evaluation, dz) = self.terms_with_gradient(z, smoothing);
-        let scalars = std::array::from_fn(|i| {
-            let term = &evaluation.terms[i];
-            let slope = match i {
-                0 | 1 => 1.0,
-                2 => smoothing.root(z.var_obj).1,
-                3 => smoothing.root(z.var_back).1,
-                _ => smoothing.root(z.grad2).1,
-            };
-            let by_statistics = Statistics::only(i, slope / term.norm());
-            Residual { weight: term.weight, value: term.residual(), by_statistics }
+        let scalars = evaluation.terms.map(|value| {
+            let value = value?;
+            let Kind::Scalar(scalar) = value.term.kind() else { return None };
+            let (_, slope) = scalar.value(z.scalar(value.term), smoothing);
+            let mut by_statistics = Statistics::ZERO;
+            by_statistics[value.term].fill(slope / value.term.largest_miss(value.target));
+            Some(Residual { weight: value.weight, value: value.residual(), by_statistics })
         });
-        let hist = evaluation.get(Term::Hist);
-        let by_statistics = Statistics { cumulated: dz.cumulated, ..Statistics::ZERO };
-        Residuals { scalars, hist: Residual { weight: 1.0, value: hist.contribution(), by_statistics } }
+        let mut distances = Residual { weight: 1.0, value: 0.0, by_statistics: Statistics::ZERO };
+        for distance in evaluation.terms().filter(|value| value.term.is_distance()) {
+            distances.value += distance.contribution();
+            distances.by_statistics[distance.term].copy_from_slice(&dz[distance.term]);
+        }
+        Residuals { scalars, distances }
     }
 
     /// Adds `weight · Σ_z dz · ∂z/∂l` to `out`: carries a gradient in the statistics `dz`
@@ -388,20 +304,15 @@ impl Objective {
         ramp: Ramp,
         out: &mut [f64],
     ) {
-        assert_eq!(l.len(), self.n_pixels(), "the picture must have the objective's size");
-        assert_eq!(out.len(), self.n_pixels(), "the adjoint must have the objective's size");
-        let regions = &self.regions;
-        let means = [z.mean_obj, z.mean_back];
-        let d_mean = [weight * dz.mean_obj, weight * dz.mean_back];
-        let d_var = [weight * dz.var_obj, weight * dz.var_back];
-        if d_mean.iter().chain(&d_var).any(|&d| d != 0.0) {
-            moments::add_adjoint(l, means, regions, d_mean, d_var, out);
+        let picture = Picture::new(l, &self.regions, ramp);
+        let mut adjoint = Adjoint::new(&picture, out);
+        let dz = dz.scaled(weight);
+        for term in Term::ALL.into_iter().filter(|&term| dz[term].iter().any(|&d| d != 0.0)) {
+            match term.kind() {
+                Kind::Scalar(scalar) => (scalar.add_adjoint)(dz.scalar(term), z, &mut adjoint),
+                Kind::Distance(distance) => (distance.add_adjoint)(&dz[term], &mut adjoint),
+            }
         }
-        if dz.grad2 != 0.0 {
-            gradient::add_adjoint(l, regions, weight * dz.grad2, out);
-        }
-        if dz.cumulated.iter().any(|&d| d != 0.0) {
-            histogram::add_adjoint(l, ramp, &dz.cumulated.map(|d| weight * d), out);
-        }
+        adjoint.finish();
     }
 }

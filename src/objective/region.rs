@@ -2,7 +2,16 @@
 
 use super::ObjectiveError;
 
-/// Which pixels belong to the object, with the counts. Row-major, top row first.
+/// A part of the picture over which a term is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Region {
+    /// The pixels of the main object.
+    Object,
+    /// All other pixels.
+    Background,
+}
+
+/// Mask of the main object, row-major with the top row first, and the number of its pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Regions {
     width: usize,
@@ -12,13 +21,17 @@ pub(super) struct Regions {
 }
 
 impl Regions {
-    /// `mask.len()` must be `width · height`.
+    /// Regions of a picture of `width` × `height` pixels; `mask` is true on the object and has a
+    /// value for every pixel. Either region may be empty.
     pub(super) fn new(width: usize, height: usize, mask: &[bool]) -> Self {
         let n_object = mask.iter().filter(|&&object| object).count();
         Self { width, height, mask: mask.to_vec(), n_object }
     }
 
     /// Regions that both have pixels, of a mask that fits the size.
+    ///
+    /// # Errors
+    /// When the picture is empty, the mask has another size, or a region has no pixel.
     pub(super) fn checked(width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
         if width == 0 || height == 0 {
             return Err(ObjectiveError::EmptyPicture { width, height });
@@ -35,27 +48,31 @@ impl Regions {
         Ok(Self::new(width, height, mask))
     }
 
+    /// Width of the picture, pixels.
     pub(super) fn width(&self) -> usize {
         self.width
     }
 
+    /// Height of the picture, pixels.
     pub(super) fn height(&self) -> usize {
         self.height
     }
 
+    /// Whether each pixel belongs to the object, row-major.
     pub(super) fn mask(&self) -> &[bool] {
         &self.mask
     }
 
+    /// Number of pixels of the picture.
     pub(super) fn n_pixels(&self) -> f64 {
         self.mask.len() as f64
     }
 
-    pub(super) fn n_object(&self) -> f64 {
-        self.n_object as f64
-    }
-
-    pub(super) fn n_background(&self) -> f64 {
-        (self.mask.len() - self.n_object) as f64
+    /// Number of pixels of a region.
+    pub(super) fn count(&self, region: Region) -> f64 {
+        match region {
+            Region::Object => self.n_object as f64,
+            Region::Background => (self.mask.len() - self.n_object) as f64,
+        }
     }
 }

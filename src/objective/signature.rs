@@ -17,14 +17,14 @@ use thiserror::Error;
 use super::histogram::BINS;
 use super::special::beta_cdf;
 
-/// One Beta distribution of a mixture, given by its moments.
+/// A Beta distribution of display luminance, one component of a mixture, given by its moments.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BetaComponent {
-    /// Share of the picture, ≥ 0; the shares of a mixture add up to 1.
+    /// Share of the picture's pixels that the component describes, ≥ 0; those of a mixture add up to 1.
     pub fraction: f64,
     /// Mean display luminance, in (0, 1).
     pub mean: f64,
-    /// Standard deviation, in (0, √(mean·(1−mean))).
+    /// Standard deviation of display luminance, in [0.001, √(mean·(1−mean))).
     pub sigma: f64,
 }
 
@@ -39,51 +39,51 @@ impl BetaComponent {
 /// Why a signature is refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SignatureError {
-    /// A mixture without components.
+    /// The mixture has no components.
     #[error("a mixture needs at least one Beta")]
     Empty,
-    /// No Beta has these moments.
+    /// No Beta distribution has the moments of a component.
     #[error(
         "Beta {index}: no distribution on [0, 1] has mean {mean} and sigma {sigma}; \
          need 0 < mean < 1 and 0.001 <= sigma < sqrt(mean (1 - mean))"
     )]
     Moments {
-        /// Position in the mixture, from 1.
+        /// Position of the component in the mixture, counted from 1.
         index: usize,
-        /// The mean given.
+        /// Mean that was given.
         mean: f64,
-        /// The standard deviation given.
+        /// Standard deviation that was given.
         sigma: f64,
     },
-    /// Negative or non-finite share, or shares that do not add up.
+    /// A share of the mixture is negative or not finite, or the shares do not add up to 1.
     #[error("the fractions of a mixture must be >= 0 and add up to 1, got {sum}")]
     Fractions {
-        /// Their sum.
+        /// Sum of the shares.
         sum: f64,
     },
-    /// Wrong number of cumulated values.
+    /// The number of cumulated values is not that of the bins.
     #[error("need {BINS} cumulated values, got {count}")]
     Count {
-        /// How many there were.
+        /// Number of values that were given.
         count: usize,
     },
-    /// Cumulated values that are no distribution function.
+    /// The cumulated values are no distribution function.
     #[error("cumulated value {index} is {value}; values must rise from >= 0 and end at 1")]
     NotCumulated {
-        /// Position, from 0.
+        /// Position of the first value that is wrong, counted from 0.
         index: usize,
-        /// The value there.
+        /// Value at that position.
         value: f64,
     },
 }
 
-/// What a signature is made of.
+/// Description of the distribution of display luminance that a signature stands for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Shape {
-    /// Mixture of Betas.
+    /// Mixture of Beta distributions, at least one.
     Betas(Vec<BetaComponent>),
-    /// Share of pixels below the upper edge of each bin.
+    /// Cumulated histogram: for each bin the share of pixels below its upper edge.
     Cumulated(Vec<f64>),
 }
 
@@ -95,17 +95,19 @@ pub struct Signature {
     shape: Shape,
 }
 
-/// Lowest standard deviation of a component: below it a whole Beta fits into one of the 256 bins.
+/// Lowest standard deviation of a component: four of it are one of the 256 bins, so that a narrower
+/// component would be a step, and its distribution function takes ever more terms to evaluate.
 const MIN_SIGMA: f64 = 0.001;
 
-/// Slack on "adds up to 1" and "ends at 1": decimal fractions as people write them.
+/// Slack on "adds up to 1" and "ends at 1": decimal fractions that people write down with nine digits
+/// or more count as exact, and no term notices.
 const UNIT_SLACK: f64 = 1e-9;
 
 /// Names of the built-in signatures: mixtures of Betas, see the [module](self).
 pub const BUILTIN: [&str; 4] = ["high", "low", "high-photo", "medium"];
 
 impl Signature {
-    /// A built-in signature: mixtures `c·Beta(object) + (1−c)·Beta(background)`.
+    /// A built-in signature by its name: a mixture `c·Beta(object) + (1−c)·Beta(background)`.
     #[must_use]
     pub fn builtin(name: &str) -> Option<Self> {
         let betas: &[(f64, f64, f64)] = match name {
@@ -120,7 +122,7 @@ impl Signature {
         Some(Self { name: name.to_owned(), shape: Shape::Betas(betas) })
     }
 
-    /// A named signature of any shape, checked.
+    /// A signature of any shape under a name for people.
     ///
     /// # Errors
     /// When `shape` is not a distribution on [0, 1].
@@ -132,19 +134,19 @@ impl Signature {
         Ok(Self { name: name.into(), shape })
     }
 
-    /// Its name, for people.
+    /// Name of the signature, for people.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// What it is made of.
+    /// The distribution as it was described.
     #[must_use]
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
 
-    /// Mean and standard deviation, as far as 256 bins tell.
+    /// Mean and standard deviation of display luminance, as far as 256 bins resolve them.
     #[must_use]
     pub fn moments(&self) -> (f64, f64) {
         // E[l] = ∫ (1 − P) dl and E[l²] = ∫ 2l (1 − P) dl by the trapezium rule on the bin edges.
@@ -157,7 +159,8 @@ impl Signature {
         (mean, (second - mean * mean).max(0.0).sqrt())
     }
 
-    /// `p_i`: share of pixels below the upper edge `(i+1)/256` of bin i; the last is 1.
+    /// Cumulated histogram `p`: in bin i the share of pixels below its upper edge `(i+1)/256`. The
+    /// last value is 1.
     #[must_use]
     pub fn cumulated(&self) -> [f64; BINS] {
         let mut p = [0.0; BINS];

@@ -1,7 +1,7 @@
 //! The smoothed version of the objective that the optimiser sees.
 //!
 //! Kinks and infinite slopes stop a quasi-Newton method; each is rounded off by a stated
-//! amount. What is reported is always unsmoothed.
+//! amount. The f_q that is reported is always unsmoothed.
 
 /// How a pixel passes from a bin of the cumulated histogram to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ impl Ramp {
         }
     }
 
-    /// Derivative of [`Ramp::value`].
+    /// Derivative of [`Ramp::value`] by the position.
     pub(super) fn derivative(self, t: f64) -> f64 {
         match self {
             Self::Linear => 1.0,
@@ -30,38 +30,45 @@ impl Ramp {
     }
 }
 
-/// Amounts of smoothing.
+/// Amounts by which the objective is smoothed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoothing {
-    /// δ of `h(r) = √(r²+δ²) − δ`, which stands for |r| of a normalised residual and is
-    /// below it by at most δ. The weights of eqs. (2)–(7) add up to 2, so f_q drops by at
-    /// most 2δ with the paper's weights.
+    /// Rounding δ of moduli: |r| of a normalised residual becomes `h(r) = √(r²+δ²) − δ`, which is
+    /// below it by at most δ. The paper's weights of scalar terms add up to 2, so that f_q drops by at
+    /// most 2δ with them.
     pub delta: f64,
-    /// η of `σ, g = √(z+η²) − η`, in units of l; below the plain root by at most η.
+    /// Rounding η of roots, in units of l: σ and g become `√(z+η²) − η`, which is below the plain root
+    /// by at most η.
     pub eta: f64,
-    /// ε of `√(q+ε)`, in pixels: ε = `pixels / N`.
+    /// Rounding of the histogram's roots in pixels: of N pixels, `√q` becomes `√(q + pixels/N)`.
     pub pixels: f64,
-    /// Ramp of a pixel into the cumulated histogram.
+    /// How a pixel passes from a bin of the cumulated histogram to the next.
     pub ramp: Ramp,
 }
 
 impl Smoothing {
-    /// None: eqs. (1)–(8) to the letter.
+    /// No smoothing: \[PG14\] eqs. (1)–(8) to the letter.
     pub const NONE: Self = Self { delta: 0.0, eta: 0.0, pixels: 0.0, ramp: Ramp::Linear };
 
-    /// δ of the first start.
+    /// Rounding δ with which a descent begins: kinks are as wide as a twentieth of the largest miss, so
+    /// that steps lead across them, and f_q is off by at most 0.1.
     pub const DELTA_FIRST: f64 = 0.05;
 
-    /// δ of the last restart.
+    /// Rounding δ with which a descent ends: f_q is off by at most 0.001, a fifth of the tolerance
+    /// that runs have by default.
     pub const DELTA_LAST: f64 = 5e-4;
 
-    /// η: a quarter of an 8-bit step, a spread nobody can see.
+    /// Rounding η: a quarter of an 8-bit step, a spread nobody can see.
     pub const ETA: f64 = 1e-3;
 
-    /// The optimiser's smoothing at `delta`.
+    /// Rounding of the histogram's roots, pixels: the slope of √q is infinite where no pixel is, and one
+    /// pixel is the least that a histogram resolves.
+    const PIXELS: f64 = 1.0;
+
+    /// The optimiser's smoothing with rounding `delta` of moduli.
     #[must_use]
     pub const fn with_delta(delta: f64) -> Self {
-        Self { delta, eta: Self::ETA, pixels: 1.0, ramp: Ramp::Smooth }
+        Self { delta, eta: Self::ETA, pixels: Self::PIXELS, ramp: Ramp::Smooth }
     }
 
     /// `h(r)` and `h'(r)`; with δ = 0, |r| with slope 0 at its kink.

@@ -4,13 +4,16 @@
 //! \[DLMF\] 8.17.20 and 8.17.22 (the continued fraction of the incomplete beta
 //! function), evaluated by the modified Lentz algorithm \[Thompson86\].
 
-/// Terms of the continued fraction; it needs O(√max(a, b)), so this serves
-/// parameters well beyond 10⁴.
+/// Largest number of terms of the continued fraction, of which it needs O(√max(a, b)). The narrowest
+/// component that a signature may have has parameters of 1.5·10⁵, the root of which is 390.
 const MAX_TERMS: usize = 2_000;
 
-/// Replaces a vanishing denominator in Lentz's algorithm; far below any partial
+/// Replacement of a vanishing denominator in Lentz's algorithm: far below any partial
 /// numerator that occurs, far above underflow.
 const TINY: f64 = 1e-300;
+
+/// Relative change by a term of the continued fraction below which it has converged: a few roundings.
+const CONVERGED: f64 = 1e-15;
 
 /// Regularised incomplete beta function `I_x(a, b)`: the distribution function at `x`
 /// of Beta(a, b), for a, b > 0.
@@ -47,7 +50,7 @@ fn lower_tail(x: f64, a: f64, b: f64) -> f64 {
             step = c * d;
             fraction *= step;
         }
-        if (step - 1.0).abs() < 1e-15 {
+        if (step - 1.0).abs() < CONVERGED {
             break;
         }
     }
@@ -61,7 +64,8 @@ pub fn student_t_95(dof: usize) -> f64 {
     let nu = dof.max(1) as f64;
     // P(|T| > t) = I_{ν/(ν+t²)}(ν/2, 1/2), decreasing in t.
     let outside = |t: f64| beta_cdf(nu / (nu + t * t), 0.5 * nu, 0.5);
-    let (mut low, mut high) = (0.0, 16.0); // ν = 1 needs 12.706
+    // ν = 1 needs 12.706; 80 halvings leave nothing of the interval.
+    let (mut low, mut high) = (0.0, 16.0);
     for _ in 0..80 {
         let mid = 0.5 * (low + high);
         if outside(mid) > 0.05 {

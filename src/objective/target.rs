@@ -1,4 +1,4 @@
-//! Target files: what a picture should look like, as TOML (or the same structure as JSON).
+//! Targets: what a picture should look like, as a TOML file (or the same structure as JSON).
 //!
 //! ```toml
 //! schema = 1
@@ -13,64 +13,99 @@
 //! hist = 1.0
 //! ```
 //!
-//! Unknown keys are refused: a misspelt one would silently keep a default.
+//! Every term of the [table](super::terms) has its key here; a term that is not the paper's may be left
+//! out, unless it has a weight. Unknown keys are refused: a misspelt one would silently keep a default.
 
 mod error;
 mod parse;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 
-pub use error::{TargetError, TargetProblem, TargetProblemReason};
+pub use super::problem::{TargetProblem, TargetProblemReason};
+pub use error::TargetError;
 
-use super::Term;
 use super::signature::Signature;
+use super::terms::{Goal, Kind, N_TERMS, Term, Values};
 use crate::files::nearest;
 use parse::{line_at, line_of_key};
 
-/// The only version of target files so far.
+/// Version of the format of target files, the only one so far.
 pub const SCHEMA: i64 = 1;
 
-/// Built-in targets as the text of their files.
+/// Built-in targets: their names, and the text of their files.
 pub const BUILTIN: [(&str, &str); 2] = [
     ("high-key", include_str!("../../scenes/targets/high-key.toml")),
     ("low-key", include_str!("../../scenes/targets/low-key.toml")),
 ];
 
-/// Weights of the terms as published, in the order of [`Term::ALL`]. \[PG14\] table 1
-pub const PUBLISHED_WEIGHTS: [f64; 6] = [0.5, 0.5, 0.4, 0.4, 0.2, 1.0];
+/// Weights where a target names none, in the order of [`Term::ALL`], see [`Term::default_weight`].
+pub const DEFAULT_WEIGHTS: [f64; N_TERMS] = {
+    let mut weights = [0.0; N_TERMS];
+    let mut i = 0;
+    while i < N_TERMS {
+        weights[i] = Term::ALL[i].default_weight();
+        i += 1;
+    }
+    weights
+};
 
-/// √20, the largest gradient of the plain Sobel pair on values in [0, 1].
-pub const MAX_GRADIENT: f64 = 4.472_135_954_999_58;
+/// Weights of a target that asks for a histogram and nothing else, in the order of [`Term::ALL`].
+pub const HISTOGRAM_ONLY: [f64; N_TERMS] = {
+    let mut weights = [0.0; N_TERMS];
+    weights[Term::Hist as usize] = Term::Hist.default_weight();
+    weights
+};
 
-/// Keys of the five scalar targets, in the order of [`Term::ALL`].
-const TARGET_KEYS: [&str; 5] = ["t_meanObj", "t_meanBack", "t_varObj", "t_varBack", "t_grad"];
-
-const WEIGHT_KEYS: [&str; 6] = ["meanObj", "meanBack", "varObj", "varBack", "grad", "hist"];
-
-const TOP_KEYS: [&str; 9] =
-    ["schema", "name", "signature", "t_meanObj", "t_meanBack", "t_varObj", "t_varBack", "t_grad", "weights"];
-
-/// Target values and weights of the terms with the signature of the histogram term.
+/// A look in numbers: what is wanted of each term, and how much the term counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     pub(super) name: String,
-    pub(super) targets: [f64; 5],
-    pub(super) weights: [f64; 6],
-    pub(super) signature: Signature,
+    /// Goals of the terms; one without a goal is neither measured nor listed, and has weight 0.
+    pub(super) goals: BTreeMap<Term, Goal>,
+    /// Weights in f_q, in the order of [`Term::ALL`].
+    pub(super) weights: [f64; N_TERMS],
 }
 
 impl Target {
-    /// A target of measured `values`, in the order of [`Term::ALL`].
+    /// A target of measured `values` and a histogram; `weights` are in the order of [`Term::ALL`].
+    /// Values that rounding has brought just beyond what a target file may say are clamped.
     #[must_use]
-    pub fn new(name: impl Into<String>, values: [f64; 5], weights: [f64; 6], signature: Signature) -> Self {
-        // Rounding may bring a value just beyond what a file may say.
-        let mut targets = values.map(|v| v.clamp(0.0, 1.0));
-        targets[Term::Grad as usize] = values[Term::Grad as usize].clamp(0.0, MAX_GRADIENT);
-        Self { name: name.into(), targets, weights, signature }
+    pub fn new(
+        name: impl Into<String>,
+        values: &Values,
+        weights: [f64; N_TERMS],
+        signature: Signature,
+    ) -> Self {
+        let mut goals = BTreeMap::from([(Term::Hist, Goal::Signature(signature))]);
+        for term in Term::ALL {
+            if let (Kind::Scalar(scalar), Some(value)) = (term.kind(), values[term as usize]) {
+                goals.insert(term, Goal::Value(value.clamp(scalar.targets.low, scalar.targets.high)));
+            }
+        }
+        Self { name: name.into(), goals, weights }
+    }
+
+    /// A target that asks for a histogram and nothing else. The other standing terms have weight 0
+    /// and, for comparison, the signature's moments as goals.
+    #[must_use]
+    pub fn of_histogram(name: impl Into<String>, signature: Signature) -> Self {
+        let (mean, sigma) = signature.moments();
+        let mut values = [None; N_TERMS];
+        for (term, value) in [
+            (Term::MeanObj, mean),
+            (Term::MeanBack, mean),
+            (Term::VarObj, sigma),
+            (Term::VarBack, sigma),
+            (Term::Grad, 0.0), // A histogram says nothing of gradients.
+        ] {
+            values[term as usize] = Some(value);
+        }
+        Self::new(name, &values, HISTOGRAM_ONLY, signature)
     }
 
     /// A built-in target by name, else the target file at that path.
@@ -94,6 +129,27 @@ impl Target {
 
     /// Parses the text of a target file at `path`, where signature libraries begin.
     ///
+    /// ```
+    /// use lightopt_embree::objective::{Target, Term};
+    ///
+    /// let text = r#"
+    ///     schema = 1
+    ///     name = "dusk"
+    ///     signature = { betas = [{ fraction = 1.0, mean = 0.2, sigma = 0.1 }] }
+    ///     t_meanObj = 0.3
+    ///     t_meanBack = 0.1
+    ///     t_varObj = 0.2
+    ///     t_varBack = 0.05
+    ///     t_grad = 0.3
+    ///     [weights]
+    ///     grad = 0.0
+    /// "#;
+    /// let dusk = Target::from_toml(text, "dusk.toml".as_ref())?;
+    /// assert_eq!(dusk.target(Term::MeanObj), 0.3);
+    /// assert_eq!((dusk.weight(Term::Grad), dusk.weight(Term::Hist)), (0.0, 1.0));
+    /// # Ok::<(), lightopt_embree::objective::target::TargetError>(())
+    /// ```
+    ///
     /// # Errors
     /// With file and line, when it is no valid target.
     pub fn from_toml(text: &str, path: &Path) -> Result<Self, TargetError> {
@@ -111,25 +167,33 @@ impl Target {
         })
     }
 
-    /// Its name.
+    /// Name of the look, of which default names of run directories are made.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Signature of the histogram term.
-    #[must_use]
-    pub fn signature(&self) -> &Signature {
-        &self.signature
+    /// Goals of the terms that have one, in the order of [`Term::ALL`].
+    pub fn goals(&self) -> impl Iterator<Item = (Term, &Goal)> {
+        self.goals.iter().map(|(&term, goal)| (term, goal))
     }
 
-    /// The target value t of a term; 0 for the histogram, whose target is the signature.
+    /// Goal of a term; `None` if the target has none for it.
+    #[must_use]
+    pub fn goal(&self, term: Term) -> Option<&Goal> {
+        self.goals.get(&term)
+    }
+
+    /// The value t that is wanted of a scalar term; 0 of a distance, and of a term without a goal.
     #[must_use]
     pub fn target(&self, term: Term) -> f64 {
-        self.targets.get(term as usize).copied().unwrap_or(0.0)
+        match self.goal(term) {
+            Some(Goal::Value(value)) => *value,
+            Some(Goal::Signature(_)) | None => 0.0,
+        }
     }
 
-    /// The weight of a term.
+    /// Weight of a term in f_q.
     #[must_use]
     pub fn weight(&self, term: Term) -> f64 {
         self.weights[term as usize]
@@ -148,15 +212,21 @@ impl Target {
 impl Serialize for Target {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeMap;
-        let mut map = serializer.serialize_map(Some(TOP_KEYS.len()))?;
+        let goals =
+            |are_distances: bool| self.goals().filter(move |(term, _)| term.is_distance() == are_distances);
+        let mut map = serializer.serialize_map(None)?;
         map.serialize_entry("schema", &SCHEMA)?;
         map.serialize_entry("name", &self.name)?;
-        for (key, t) in TARGET_KEYS.iter().zip(&self.targets) {
-            map.serialize_entry(key, t)?;
+        for (term, goal) in goals(false) {
+            map.serialize_entry(&term.goal_key(), goal)?;
         }
-        let weights: std::collections::BTreeMap<_, _> = WEIGHT_KEYS.iter().zip(&self.weights).collect();
+        // In TOML, tables stand last.
+        let weight = |(term, _): (Term, &Goal)| (term.name(), self.weight(term));
+        let weights: BTreeMap<&str, f64> = self.goals().map(weight).collect();
         map.serialize_entry("weights", &weights)?;
-        map.serialize_entry("signature", &self.signature)?;
+        for (term, goal) in goals(true) {
+            map.serialize_entry(&term.goal_key(), goal)?;
+        }
         map.end()
     }
 }
@@ -179,38 +249,38 @@ mod tests {
         BUILTIN[0].1.to_owned()
     }
 
-    #[test]
-    fn builtin_targets_are_those_of_the_table() {
-        let high = Target::resolve("high-key").unwrap();
-        assert_eq!(high.targets, [0.47, 0.78, 0.24, 0.17, 0.39]);
-        assert_eq!(high.weights, [0.5, 0.5, 0.4, 0.4, 0.2, 1.0]);
-        assert_eq!(high.signature, Signature::builtin("high").unwrap());
-        let low = Target::resolve("low-key").unwrap();
-        assert_eq!(low.targets, [0.47, 0.04, 0.63, 0.04, 0.39]);
-        assert_eq!(low.weights, high.weights);
-        assert_eq!(low.signature, Signature::builtin("low").unwrap());
-        assert_eq!((high.name(), low.name()), ("high-key", "low-key"));
+    fn weights(target: &Target) -> Vec<f64> {
+        Term::standing().map(|term| target.weight(term)).collect()
     }
 
     #[test]
-    fn the_key_lists_follow_the_terms() {
-        assert_eq!(WEIGHT_KEYS, Term::ALL.map(Term::name));
-        for (key, term) in TARGET_KEYS.iter().zip(Term::ALL) {
-            assert_eq!(*key, format!("t_{}", term.name()));
-            assert!(TOP_KEYS.contains(key));
-        }
+    fn builtin_targets_are_those_of_the_table() {
+        let high = Target::resolve("high-key").unwrap();
+        let scalars = |target: &Target| -> Vec<f64> {
+            target.goals().filter(|(t, _)| !t.is_distance()).map(|(t, _)| target.target(t)).collect()
+        };
+        let signature = |name| Some(Goal::Signature(Signature::builtin(name).unwrap()));
+        assert_eq!(scalars(&high), [0.47, 0.78, 0.24, 0.17, 0.39]);
+        assert_eq!(weights(&high), [0.5, 0.5, 0.4, 0.4, 0.2, 1.0]);
+        assert_eq!(high.goal(Term::Hist).cloned(), signature("high"));
+        let low = Target::resolve("low-key").unwrap();
+        assert_eq!(scalars(&low), [0.47, 0.04, 0.63, 0.04, 0.39]);
+        assert_eq!(low.weights, high.weights);
+        assert_eq!(low.goal(Term::Hist).cloned(), signature("low"));
+        assert_eq!((high.name(), low.name()), ("high-key", "low-key"));
     }
 
     #[test]
     fn a_target_survives_toml_and_json_exactly() {
         let mut target = Target::resolve("low-key").unwrap();
-        target.weights[2] = 1.0 / 3.0;
+        target.weights[Term::VarObj as usize] = 1.0 / 3.0;
         assert_eq!(parse(&target.to_toml().unwrap()).unwrap(), target);
         let json = serde_json::to_string(&target).unwrap();
         assert_eq!(Target::from_value(&serde_json::from_str(&json).unwrap()).unwrap(), target);
 
         let values = (1..=256).map(|i| (f64::from(i) / 256.0).powf(0.7)).collect();
-        target.signature = Signature::new("mine", Shape::Cumulated(values)).unwrap();
+        let signature = Signature::new("mine", Shape::Cumulated(values)).unwrap();
+        target.goals.insert(Term::Hist, Goal::Signature(signature));
         assert_eq!(parse(&target.to_toml().unwrap()).unwrap(), target);
     }
 
@@ -218,9 +288,9 @@ mod tests {
     fn weights_left_out_keep_the_published_values() {
         let text = high_key();
         let (head, _) = text.split_once("[weights]").unwrap();
-        assert_eq!(parse(head).unwrap().weights, PUBLISHED_WEIGHTS);
+        assert_eq!(parse(head).unwrap().weights, DEFAULT_WEIGHTS);
         let one = parse(&format!("{head}[weights]\ngrad = 3")).unwrap();
-        assert_eq!(one.weights, [0.5, 0.5, 0.4, 0.4, 3.0, 1.0]);
+        assert_eq!(weights(&one), [0.5, 0.5, 0.4, 0.4, 3.0, 1.0]);
     }
 
     #[test]

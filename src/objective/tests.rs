@@ -7,11 +7,15 @@ use super::*;
 const W: usize = 13;
 const H: usize = 9;
 
-/// A target that only weighs `term` (all terms as published for `None`).
+/// A target that only weighs `term` (all terms as published for `None`); if the base has no goal for
+/// it, 0.3 is wanted of a scalar term.
 fn target_of(base: &str, term: Option<Term>) -> Target {
     let mut target = Target::resolve(base).unwrap();
     if let Some(term) = term {
-        target.weights = [0.0; 6];
+        if !term.is_distance() {
+            target.goals.entry(term).or_insert(Goal::Value(0.3));
+        }
+        target.weights = [0.0; N_TERMS];
         target.weights[term as usize] = 1.0;
     }
     target
@@ -81,6 +85,35 @@ fn adjoints_of_every_term_and_the_sum_agree_with_central_differences() {
 }
 
 #[test]
+fn a_term_without_a_goal_is_not_listed_and_measured_only_where_others_read_it() {
+    let mask = disk_mask(W, H);
+    let all = target_of("low-key", None);
+    let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+    for left_out in Term::standing() {
+        let mut target = all.clone();
+        target.goals.remove(&left_out);
+        target.weights[left_out as usize] = 0.0;
+        let objective = Objective::new(&target, W, H, &mask).unwrap();
+        let whole = Objective::new(&all, W, H, &mask).unwrap();
+        let (name, l) = pictures().remove(0);
+        let (some, every) = (objective.evaluate(&l), whole.evaluate(&l));
+        let rest: Vec<_> = every.terms().copied().filter(|t| t.term != left_out).collect();
+        assert_eq!(some.terms().copied().collect::<Vec<_>>(), rest);
+        assert!(objective.listed().eq(rest.iter().map(|t| t.term)));
+        assert!((some.f_q - (every.f_q - every[left_out].contribution())).abs() < 1e-15);
+        assert!(some.terms_json().get(left_out.name()).is_none());
+
+        let z = objective.statistics(&l, Ramp::Linear);
+        let is_read = Term::ALL.into_iter().any(|other| other.reads(left_out));
+        assert_eq!(z[left_out].iter().any(|&z| z != 0.0), is_read, "{left_out:?}");
+        let mut adjoint = vec![0.0; l.len()];
+        objective.evaluate_smooth(&l, &smoothing, Some(&mut adjoint));
+        let f = |l: &[f64]| objective.evaluate_smooth(l, &smoothing, None).f_q;
+        assert_adjoint(&format!("without {left_out:?}, {name}"), &l, &adjoint, f);
+    }
+}
+
+#[test]
 fn a_flat_picture_has_a_finite_adjoint() {
     let objective = Objective::new(&target_of("low-key", None), W, H, &disk_mask(W, H)).unwrap();
     for smoothing in [Smoothing::with_delta(0.01), Smoothing::NONE] {
@@ -130,15 +163,16 @@ fn residuals_are_the_terms_before_their_moduli_and_so_are_their_derivatives() {
     let l: Vec<f64> = Rng::new(5).image(W * H).into_iter().map(off_joints).collect();
     let at = |l: &[f64]| objective.residuals(&objective.statistics(l, smoothing.ramp), &smoothing);
     let z = objective.statistics(&l, smoothing.ramp);
-    let Residuals { scalars, hist } = at(&l);
+    let Residuals { scalars, distances } = at(&l);
     let unsmoothed = Smoothing { delta: 0.0, ..smoothing };
-    let sum = scalars.iter().map(|r| r.weight * r.value.abs()).sum::<f64>() + hist.value;
+    let sum = scalars.iter().flatten().map(|r| r.weight * r.value.abs()).sum::<f64>() + distances.value;
     assert!((sum - objective.terms(&z, &unsmoothed).f_q).abs() < 1e-14);
-    for i in 0..=scalars.len() {
-        let of = |r: Residuals| if i < 5 { r.scalars[i].clone() } else { r.hist };
+    assert_eq!(scalars.iter().flatten().count(), objective.scalar_weights().len());
+    for term in objective.listed() {
+        let of = |r: Residuals| r.scalars[term as usize].clone().unwrap_or(r.distances);
         let mut adjoint = vec![0.0; W * H];
         objective.add_adjoint(&l, &z, &of(at(&l)).by_statistics, 1.0, smoothing.ramp, &mut adjoint);
-        assert_adjoint("residual", &l, &adjoint, |l| of(at(l)).value);
+        assert_adjoint(term.name(), &l, &adjoint, |l| of(at(l)).value);
     }
 }
 
@@ -150,7 +184,7 @@ fn a_two_by_two_picture_agrees_with_the_hand() {
     let target = target_of("high-key", None);
     let e = Objective::new(&target, 2, 2, &mask).unwrap().evaluate(&l);
     let near = |term: Term, value: f64, f: f64| {
-        let t = e.get(term);
+        let t = e[term];
         assert!((t.value - value).abs() < 1e-14 && (t.f - f).abs() < 1e-14, "{t:?}");
     };
     near(Term::MeanObj, 0.4, 0.07 / 0.53);
@@ -161,12 +195,12 @@ fn a_two_by_two_picture_agrees_with_the_hand() {
     // bottom left: gx = 0.7 − 3·0.1 = 0.4, gy = 3·0.4 − 0.4 = 0.8.
     let g = ((2.0_f64 * 2.0 + 0.8 * 0.8 + 0.4 * 0.4 + 0.8 * 0.8) / 2.0).sqrt();
     near(Term::Grad, g, (g - 0.39) / 0.61);
-    let sum = 0.5 * e.get(Term::MeanObj).f
-        + 0.5 * e.get(Term::MeanBack).f
-        + 0.4 * e.get(Term::VarObj).f
-        + 0.4 * e.get(Term::VarBack).f
-        + 0.2 * e.get(Term::Grad).f
-        + e.get(Term::Hist).f;
+    let sum = 0.5 * e[Term::MeanObj].f
+        + 0.5 * e[Term::MeanBack].f
+        + 0.4 * e[Term::VarObj].f
+        + 0.4 * e[Term::VarBack].f
+        + 0.2 * e[Term::Grad].f
+        + e[Term::Hist].f;
     assert!((e.f_q - sum).abs() < 1e-15);
 }
 
@@ -217,7 +251,8 @@ fn pixels_drawn_from_a_signature_leave_only_sampling_error() {
     for name in ["high", "medium"] {
         let p = Signature::builtin(name).unwrap().cumulated();
         let mut target = target_of("high-key", Some(Term::Hist));
-        target.signature = Signature::new(name, Shape::Cumulated(p.to_vec())).unwrap();
+        let signature = Signature::new(name, Shape::Cumulated(p.to_vec())).unwrap();
+        target.goals.insert(Term::Hist, Goal::Signature(signature));
         let objective = Objective::new(&target, w, h, &disk_mask(w, h)).unwrap();
         let draw = |u: f64| {
             let i = p.partition_point(|&p| p < u);
@@ -266,7 +301,7 @@ fn no_spread_reaches_the_low_key_target() {
         .collect();
     let mut lowest = f64::INFINITY;
     for l in pictures().into_iter().map(|(_, l)| l).chain([extreme]) {
-        let term = *objective.evaluate(&l).get(Term::VarObj);
+        let term = objective.evaluate(&l)[Term::VarObj];
         assert!(term.value <= 0.5 + 1e-15);
         assert!(term.f >= 0.13 / 0.63 - 1e-15); // 0.2063…
         lowest = lowest.min(term.f);
@@ -365,7 +400,7 @@ fn the_jackknife_removes_the_bias_of_spread_and_gradient() {
     // Linear and unclamped, the statistics are quadratic in Ȳ and the jackknife is exact.
     let truth = objective.statistics(&y, Ramp::Linear);
     let trials = noisy_trials(&objective, &y, LuminanceMode::Linear, 0.15, 300);
-    for measure in [|z: &Statistics| z.var_obj, |z: &Statistics| z.grad2] {
+    for measure in [Term::VarObj, Term::Grad].map(|term| move |z: &Statistics| z.scalar(term)) {
         let errors = |pick: fn(&(Statistics, Statistics)) -> &Statistics| {
             let e: Vec<f64> = trials.iter().map(|t| measure(pick(t)) - measure(&truth)).collect();
             let (mean, se) = mean_and_error(&e);
@@ -376,7 +411,8 @@ fn the_jackknife_removes_the_bias_of_spread_and_gradient() {
         assert!(naive > 10.0, "the naive estimate is biased: z = {naive}");
         assert!(corrected.abs() < Z_TWO, "the jackknife is not: z = {corrected}");
     }
-    let sigma: Vec<f64> = trials.iter().map(|t| t.1.var_obj.sqrt() - truth.var_obj.sqrt()).collect();
+    let deviation = |z: &Statistics| z.scalar(Term::VarObj).sqrt();
+    let sigma: Vec<f64> = trials.iter().map(|t| deviation(&t.1) - deviation(&truth)).collect();
     let (mean, se) = mean_and_error(&sigma);
     assert!((mean / se).abs() < Z_TWO, "σ itself: z = {}", mean / se);
 }
@@ -405,7 +441,7 @@ fn an_evaluation_serialises_by_term_name() {
     let e = objective.evaluate(&pictures()[0].1);
     let json = serde_json::to_value(&e).unwrap();
     assert_eq!(json["f_q"].as_f64(), Some(e.f_q));
-    for t in &e.terms {
+    for t in e.terms() {
         let entry = &json["terms"][t.term.name()];
         assert_eq!(entry["value"].as_f64(), Some(t.value));
         assert_eq!(entry["target"].as_f64(), Some(t.target));

@@ -3,7 +3,8 @@
 //! # References
 //! \[More11\] (the noise of a computed function), \[More12\] (the step).
 
-/// Least and largest step.
+/// Least and largest step of a difference, in the unit cube, to which the step by the noise is cut:
+/// smaller ones would magnify rounding, larger ones straddle the bends of f_q.
 const STEP_RANGE: [f64; 2] = [2e-3, 5e-2];
 
 /// Gradient of `f` at `u` from its value `f0` there, one more evaluation a

@@ -22,38 +22,41 @@ pub use self::{
     nlopt::minimize,
 };
 
-/// How to search.
+/// Method of a search.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// Down the gradient from the start. \[Nocedal80\]
+    /// Descent along the gradient from the start. \[Nocedal80\]
     #[default]
     Lbfgs,
-    /// Over the whole box, which must be finite, by dividing it: without gradient, start or
-    /// chance. It stops at a limit. \[Gablonsky01\]
+    /// Division of the whole box, which must be finite, without gradient, start or chance; it ends at a
+    /// limit only. \[Gablonsky01\]
     DirectL,
 }
 
-/// When to stop, and how much to remember.
+/// Method, tolerances and limits of a search.
 ///
 /// The tolerances suit variables scaled to [0, 1] and a function of order 1. NLopt also stops
 /// when the projected gradient is below 1e-8 in every variable; that cannot be changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// How to search.
+    /// Method of the search.
     pub method: Method,
-    /// Stop as soon as `f` is no larger.
+    /// Value of f at or below which the search stops.
     pub target: Option<f64>,
-    /// Stop when two iterations running change `f` by less than this; 0: never.
+    /// Change of f per iteration below which, twice in succession, the search stops; 0: never.
     pub f_tol_abs: f64,
-    /// The same, relative to `|f|`.
+    /// Change of f per iteration, relative to |f|, below which, twice in succession, the search stops; 0:
+    /// never.
     pub f_tol_rel: f64,
-    /// Stop when two iterations running change every variable by less than this; 0: never.
+    /// Change of every variable per iteration below which, twice in succession, the search stops; 0:
+    /// never.
     pub x_tol_abs: f64,
-    /// The same, the sum of the changes relative to the sum of `|x_i|`.
+    /// Sum of the changes of the variables per iteration, relative to the sum of |x_i|, below which, twice
+    /// in succession, the search stops; 0: never.
     pub x_tol_rel: f64,
-    /// The function is never called more often; at least 1.
+    /// Upper bound of the number of evaluations, at least 1.
     pub max_evaluations: Option<u32>,
-    /// No evaluation starts later than this, the first excepted. One under way is not cut short.
+    /// Time after which no evaluation begins, except for the first; one under way is not cut short.
     pub time_limit: Option<Duration>,
     /// Number of past steps that model the curvature, at least 1.
     pub memory: u32,
@@ -74,32 +77,31 @@ impl Default for Options {
             x_tol_rel: 0.0,
             max_evaluations: None,
             time_limit: None,
-            memory: 10, // [Nocedal80]: 3 to 20 do, and ours are few variables
+            memory: 10, // between the 3 and 20 of [Nocedal80]: the problems have few variables
             first_step: None,
         }
     }
 }
 
-/// What an objective returns, by `ControlFlow::Break`, to end the search.
-///
-/// An objective that fails keeps its error to itself and breaks.
+/// Request of an objective, by `ControlFlow::Break`, to end the search. An objective that fails keeps
+/// its error to itself and breaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupt;
 
 /// The best point that was evaluated, and why the search ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// The point with the least `f`; the first of them on a tie.
+    /// Point with the least f of all that were evaluated; the first of them on a tie.
     pub x: Vec<f64>,
-    /// The function there.
+    /// Value of the function at `x`.
     pub f: f64,
-    /// How often the function returned a value.
+    /// Number of evaluations that returned a value.
     pub evaluations: u32,
-    /// Why the search ended.
+    /// Reason why the search ended.
     pub stop: StopReason,
 }
 
-/// Why a search ended.
+/// Reason why a search ended; displayed as a clause in plain words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum StopReason {
@@ -107,13 +109,13 @@ pub enum StopReason {
     Target,
     /// The gradient vanished, bounds considered: a stationary point.
     Stationary,
-    /// [`Options::f_tol_abs`] or [`Options::f_tol_rel`].
+    /// f changed by less than [`Options::f_tol_abs`] or [`Options::f_tol_rel`].
     FTolerance,
-    /// [`Options::x_tol_abs`] or [`Options::x_tol_rel`].
+    /// The variables changed by less than [`Options::x_tol_abs`] or [`Options::x_tol_rel`].
     XTolerance,
-    /// [`Options::max_evaluations`].
+    /// The number of evaluations reached [`Options::max_evaluations`].
     Evaluations,
-    /// [`Options::time_limit`].
+    /// [`Options::time_limit`] passed.
     TimeLimit,
     /// The objective returned [`Interrupt`].
     Interrupted,
@@ -150,17 +152,17 @@ impl fmt::Display for StopReason {
     }
 }
 
-/// Why a search could not be made.
+/// Reason why a search could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum OptimError {
     /// There is nothing to vary.
     #[error("there are no variables to optimise")]
     NoVariables,
 
-    /// A slice has not one element a variable.
+    /// A slice does not have one element for each variable.
     #[error("{what}: {got} values for {expected} variables")]
     Length {
-        /// Which slice.
+        /// Name of the slice.
         what: &'static str,
         /// Length of the starting point.
         expected: usize,
@@ -171,35 +173,35 @@ pub enum OptimError {
     /// A bound is NaN, or the lower is above the upper.
     #[error("variable {index}: bounds must satisfy lower <= upper, got [{lower}, {upper}]")]
     Bounds {
-        /// Which variable.
+        /// Index of the variable.
         index: usize,
-        /// Its lower bound.
+        /// Lower bound of the variable.
         lower: f64,
-        /// Its upper bound.
+        /// Upper bound of the variable.
         upper: f64,
     },
 
     /// The search cannot start there.
     #[error("variable {index}: the start must be finite and within [{lower}, {upper}], got {value}")]
     Start {
-        /// Which variable.
+        /// Index of the variable.
         index: usize,
-        /// The value given.
+        /// Value of the variable at the start.
         value: f64,
-        /// Its lower bound.
+        /// Lower bound of the variable.
         lower: f64,
-        /// Its upper bound.
+        /// Upper bound of the variable.
         upper: f64,
     },
 
     /// An option is out of its range.
     #[error("option {name}: must be {allowed}, got {got}")]
     Option {
-        /// The field of [`Options`].
+        /// Field of [`Options`].
         name: &'static str,
-        /// What is allowed.
+        /// Values that are allowed, in words.
         allowed: &'static str,
-        /// The value given.
+        /// Value given.
         got: f64,
     },
 
@@ -209,13 +211,13 @@ pub enum OptimError {
         None => "the function".to_owned(),
     })]
     NotFinite {
-        /// Which evaluation, from 1.
+        /// Number of the evaluation, from 1.
         evaluation: u32,
-        /// The variable whose derivative it is; `None`: the function itself.
+        /// Index of the variable whose derivative is not finite; `None` for the function itself.
         component: Option<usize>,
-        /// The offending number.
+        /// Value that is not finite.
         value: f64,
-        /// Where.
+        /// Point of the evaluation.
         x: Vec<f64>,
     },
 

@@ -1,4 +1,4 @@
-//! Sums of moduli: down into the kinks and along them.
+//! Minimisation of sums of moduli, whose minima lie in their kinks.
 //!
 //! `f(x) = g(x) + Σ w_i |r_i(x)|` has its minima where residuals vanish. There a method for
 //! smooth functions stalls, for no step along its gradient helps. With a bound t_i on every
@@ -29,20 +29,20 @@ use super::{
     tally::{End, Tally, accepted},
 };
 
-/// Values of g and of every r_i at a point, with their derivatives by the n variables.
+/// Values of g and of all residuals r_i at a point, with their derivatives by the n variables.
 #[derive(Clone, Debug, Default)]
 pub struct Moduli {
-    /// g.
+    /// Value of g.
     pub rest: f64,
-    /// ∂g/∂x.
+    /// Gradient of g, n numbers.
     pub rest_gradient: Vec<f64>,
-    /// r.
+    /// Residuals r_i.
     pub residuals: Vec<f64>,
-    /// ∂r_i/∂x, one after the other.
+    /// Gradients of the residuals one after the other, n numbers each.
     jacobian: Vec<f64>,
 }
 
-/// E|r + e N| and its derivative by r.
+/// Expected modulus E|r + e N| with a standard normal N, and its derivative by r. \[Leone61\] eq. 4
 fn expected_modulus(r: f64, e: f64) -> [f64; 2] {
     if e <= 0.0 {
         return [r.abs(), r.signum()];
@@ -62,20 +62,20 @@ impl Moduli {
         }
     }
 
-    /// All gradients: of g and of every r_i.
+    /// Gradient of g, then that of each residual, to be filled in.
     pub fn gradients(&mut self) -> impl Iterator<Item = &mut [f64]> {
         let n = self.rest_gradient.len();
         std::iter::once(self.rest_gradient.as_mut_slice()).chain(self.jacobian.chunks_exact_mut(n))
     }
 
-    /// What is expected of f when residuals have the standard errors `errors`.
+    /// Expected value of f where the residuals have the standard errors `errors`.
     #[must_use]
     pub fn value(&self, weights: &[f64], errors: &[f64]) -> f64 {
         let moduli = weights.iter().zip(&self.residuals).zip(errors);
         self.rest + moduli.map(|((w, r), e)| w * expected_modulus(*r, *e)[0]).sum::<f64>()
     }
 
-    /// Length of its gradient, in which |r| has the slope of r's sign.
+    /// Length of the gradient of that expected value, where the slope of |r| is the sign of r.
     #[must_use]
     pub fn slope(&self, weights: &[f64], errors: &[f64]) -> f64 {
         let n = self.rest_gradient.len();
@@ -95,8 +95,8 @@ impl Moduli {
 }
 
 /// Minimises `g(x) + Σ weights[i] E|r_i(x) + errors[i] N|` from `x0` over the part of the unit cube
-/// that begins at `lower`; `f(x, out)` fills in all values and derivatives. It stops when a step changes the sum by less
-/// than `f_tolerance`, and after `max_evaluations`.
+/// that begins at `lower`; `f(x, out)` fills in all values and derivatives. The search stops when a
+/// step changes the sum by less than `f_tolerance`, and after `max_evaluations`.
 ///
 /// # Errors
 /// As [`super::minimize`].
@@ -121,7 +121,7 @@ where
     }
     let bounded: Vec<usize> = (0..weights.len()).filter(|&i| weights[i] > 0.0).collect();
     let m = bounded.len();
-    let search = RefCell::new(Search {
+    let search = RefCell::new(Callbacks {
         f,
         lower,
         weights,
@@ -158,8 +158,10 @@ where
     search.into_inner().tally.outcome(result, StopReason::FTolerance)
 }
 
-/// A variable inside its bounds; on a bound, if it is off it by a rounding error.
+/// The variable `x` brought within [lower, 1], and onto a bound that it misses by a rounding error.
 fn within(x: f64, lower: f64) -> f64 {
+    // SLSQP misses bounds by some ε; a value that stays exactly on its bound lets evaluations of one
+    // value of the background share their work.
     const ROUNDING: f64 = 1e-12;
     if x < lower + ROUNDING {
         lower
@@ -170,26 +172,27 @@ fn within(x: f64, lower: f64) -> f64 {
     }
 }
 
-struct Search<'a, F> {
+/// Objective and constraints as NLopt calls them, with the state of the search.
+struct Callbacks<'a, F> {
     f: F,
     lower: &'a [f64],
     weights: &'a [f64],
     errors: &'a [f64],
-    /// Indices of the residuals whose moduli count and are bounded by a variable each: those of
-    /// weight 0 would only dilute the model of the curvature.
+    /// Indices of the residuals of positive weight, whose moduli are bounded by a variable t_i each;
+    /// those of weight 0 would only dilute SLSQP's model of the curvature.
     bounded: Vec<usize>,
     max_evaluations: u32,
-    /// The point where `values` were taken.
+    /// Point at which `values` were evaluated.
     at: Vec<f64>,
     values: Moduli,
     tally: Tally,
 }
 
-impl<F> Search<'_, F>
+impl<F> Callbacks<'_, F>
 where
     F: FnMut(&[f64], &mut Moduli) -> ControlFlow<Interrupt>,
 {
-    /// Evaluates at `x`, unless that is where it was last. Once `end` is set it does nothing.
+    /// Evaluates at `x`, unless it did so last; does nothing once the search is over.
     fn move_to(&mut self, x: &[f64]) {
         if self.tally.end.is_some() || self.at == x {
             return;
@@ -244,7 +247,7 @@ where
         self.values.rest + expected.sum::<f64>()
     }
 
-    /// r_i − t_i and −r_i − t_i, wanted below 0.
+    /// Constraints r_i − t_i ≤ 0 and −r_i − t_i ≤ 0, and their Jacobian.
     fn bounds(&mut self, out: &mut [f64], y: &[f64], jacobian: Option<&mut [f64]>) {
         let (x, t) = y.split_at(y.len() - self.bounded.len());
         self.move_to(x);

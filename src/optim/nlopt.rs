@@ -19,6 +19,21 @@ use super::{
 /// first trial after `x0` is `x0 − ∇f`, cut at the first bound on the way: scale variables, and
 /// set [`Options::first_step`], so that this is a sane step.
 ///
+/// ```
+/// use std::ops::ControlFlow;
+/// use lightopt_embree::optim::{Options, minimize};
+///
+/// // The least distance from (2, 1/2) within the unit square is at (1, 1/2).
+/// let found = minimize(&[0.1, 0.1], &[0.0; 2], &[1.0; 2], &Options::default(), |x, gradient| {
+///     let d = [x[0] - 2.0, x[1] - 0.5];
+///     gradient.copy_from_slice(&d.map(|d| 2.0 * d));
+///     ControlFlow::Continue(d[0] * d[0] + d[1] * d[1])
+/// })?;
+/// assert!((found.x[0] - 1.0).abs() < 1e-6 && (found.x[1] - 0.5).abs() < 1e-3);
+/// assert!(found.stop.converged());
+/// # Ok::<(), lightopt_embree::optim::OptimError>(())
+/// ```
+///
 /// # Errors
 /// A problem that is not well posed, a value that is not finite, or an interrupt before the
 /// first value. Everything else is an [`Outcome`] with a [`StopReason`].
@@ -36,7 +51,7 @@ where
     F: FnMut(&[f64], &mut [f64]) -> ControlFlow<Interrupt, f64>,
 {
     validate(x0, lower, upper, options)?;
-    let search = RefCell::new(Search {
+    let search = RefCell::new(Callback {
         f,
         lower,
         upper,
@@ -80,7 +95,8 @@ where
     search.into_inner().tally.outcome(result, StopReason::Stationary)
 }
 
-struct Search<'a, F> {
+/// The objective as NLopt calls it, with the state of the search.
+struct Callback<'a, F> {
     f: F,
     lower: &'a [f64],
     upper: &'a [f64],
@@ -88,14 +104,14 @@ struct Search<'a, F> {
     start: Instant,
     x: Vec<f64>,
     gradient: Vec<f64>,
-    /// Factor on what NLopt sees of the function.
+    /// Factor on the function and its gradient as NLopt sees them.
     scale: f64,
-    /// The function at `x0`, whose gradient is in `gradient`, until NLopt has asked for it.
+    /// Value of the function at x0, whose gradient is in `gradient`, until NLopt asks for it.
     start_value: Option<f64>,
     tally: Tally,
 }
 
-impl<F> Search<'_, F>
+impl<F> Callback<'_, F>
 where
     F: FnMut(&[f64], &mut [f64]) -> ControlFlow<Interrupt, f64>,
 {
@@ -125,7 +141,7 @@ where
         self.scale * value
     }
 
-    /// The function at `x`; `None`, and the reason in `end`, when the search is over.
+    /// Value of the function at `x`; `None`, with the reason in the tally, once the search is over.
     fn try_evaluate(&mut self, x: &[f64]) -> Option<f64> {
         if self.tally.end.is_some() {
             return None;

@@ -1,4 +1,4 @@
-//! What a search has found, kept apart from what NLopt makes of it.
+//! Best point and end of a search, kept apart from what NLopt reports.
 
 use std::any::Any;
 use std::panic::resume_unwind;
@@ -7,7 +7,7 @@ use nlopt::{FailState, SuccessState};
 
 use super::{OptimError, Outcome, StopReason};
 
-/// Why no further evaluation is made.
+/// Reason why no further evaluation is made.
 pub(super) enum End {
     Stop(StopReason),
     Error(OptimError),
@@ -17,10 +17,13 @@ pub(super) enum End {
 /// Evaluations so far and the best of them.
 #[derive(Default)]
 pub(super) struct Tally {
+    /// Number of evaluations that returned a value.
     pub evaluations: u32,
-    /// `f(x0)`.
+    /// f(x0).
     first: Option<f64>,
+    /// Point with the least value so far, and that value.
     best: Option<(Vec<f64>, f64)>,
+    /// Reason why no further evaluation is made; `None` while the search goes on.
     pub end: Option<End>,
 }
 
@@ -33,11 +36,11 @@ impl Tally {
         }
     }
 
-    /// What became of the search; `success` is what NLopt means by a success that it does not
-    /// explain.
+    /// Outcome of the search that NLopt ended with `result`, where `success` is the meaning of a success
+    /// that NLopt does not explain.
     ///
     /// # Errors
-    /// That of the search, or that there is no value.
+    /// That of the search, or that there was no evaluation.
     ///
     /// # Panics
     /// With the panic of the function.

@@ -7,18 +7,20 @@
 
 use crate::objective::histogram::{BINS, Cumulated};
 
-/// The quantile functions of some histograms on their common knots.
+/// Quantile functions of several histograms, evaluated at their common knots.
 #[derive(Debug)]
 pub struct Quantiles<'a> {
+    /// Cumulated histograms whose barycentre is wanted.
     histograms: &'a [Cumulated],
-    /// The values of all cumulated histograms, sorted, without repetition; from 0 to 1.
+    /// Values of all cumulated histograms, sorted, without repetition; from 0 to 1.
     knots: Vec<f64>,
-    /// At every knot, the sum of the quantile functions just below and just above it.
+    /// Sums over the histograms of the quantile functions just below and just above each
+    /// knot.
     sums: Vec<[f64; 2]>,
 }
 
 impl<'a> Quantiles<'a> {
-    /// Of these histograms.
+    /// Evaluates the quantile functions of these histograms.
     #[must_use]
     pub fn new(histograms: &'a [Cumulated]) -> Self {
         let mut knots: Vec<f64> = histograms.iter().flatten().copied().chain([0.0]).collect();
@@ -34,13 +36,13 @@ impl<'a> Quantiles<'a> {
         Self { histograms, knots, sums }
     }
 
-    /// The barycentre of all.
+    /// The barycentre of all histograms.
     #[must_use]
     pub fn barycentre(&self) -> Cumulated {
         invert(&self.knots, &self.sums, self.histograms.len() as f64)
     }
 
-    /// The barycentre of all but the one at `index`.
+    /// The barycentre of all histograms but the one at `index`.
     #[must_use]
     pub fn without(&self, index: usize) -> Cumulated {
         let mut sums = self.sums.clone();
@@ -52,7 +54,8 @@ impl<'a> Quantiles<'a> {
     }
 }
 
-/// Calls `visit` with every knot's index and the quantile function below and above it.
+/// Calls `visit` with the index of every knot and the quantile function of the histogram
+/// just below and just above the knot.
 ///
 /// `knots` must hold all values of the histogram, and 0.
 fn for_each_quantile(histogram: &Cumulated, knots: &[f64], mut visit: impl FnMut(usize, [f64; 2])) {
@@ -76,7 +79,8 @@ fn for_each_quantile(histogram: &Cumulated, knots: &[f64], mut visit: impl FnMut
     }
 }
 
-/// The distribution function at the bins' upper edges, from `n` times its quantile function.
+/// The distribution function at the upper edges of the bins, from `n` times its quantile
+/// function at the knots.
 fn invert(knots: &[f64], sums: &[[f64; 2]], n: f64) -> Cumulated {
     let mut out = [1.0; BINS];
     let mut points = knots.iter().zip(sums).flat_map(|(&u, s)| s.map(|x| (x / n, u)));
@@ -89,7 +93,7 @@ fn invert(knots: &[f64], sums: &[[f64; 2]], n: f64) -> Cumulated {
             (from, to) = (to, next);
         }
         let u = from.1 + (to.1 - from.1) * (edge - from.0) / (to.0 - from.0);
-        // Rounding must not make it fall.
+        // A distribution function does not fall, not even by rounding.
         before = u.clamp(before, 1.0);
         *out = before;
     }

@@ -1,4 +1,4 @@
-//! Folders of photographs and of their masks.
+//! Listing of folders of photographs, and matching of masks to photographs.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -9,74 +9,74 @@ use thiserror::Error;
 
 use crate::film::image_file::has_picture_ending;
 
-/// Why a folder is refused.
+/// Why a folder of photographs or masks is refused.
 #[derive(Debug, Error)]
 pub enum FolderError {
-    /// It cannot be read.
+    /// The folder cannot be read.
     #[error("{path}: cannot read the folder", path = path.display())]
     Read {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
-        /// Why.
+        /// Error of the file system.
         #[source]
         source: io::Error,
     },
-    /// A file in it cannot be read.
+    /// A file in the folder cannot be read.
     #[error("{path}: cannot read the file", path = path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Error of the file system.
         #[source]
         source: io::Error,
     },
-    /// It has no pictures.
+    /// The folder has no pictures.
     #[error(
         "{path}: no pictures in the folder (files ending in .jpg, .png, .tif, .exr and the like; \
          sub-folders are not searched)",
         path = path.display()
     )]
     Empty {
-        /// The folder.
+        /// Path of the folder.
         path: PathBuf,
     },
-    /// No mask for a photograph.
+    /// The folder of masks has none for a photograph.
     #[error(
         "{masks}: no mask for {photo}; it must have the name of the photograph, such as {}.png",
         photo.file_stem().unwrap_or_default().display(),
         masks = masks.display(), photo = photo.display()
     )]
     NoMask {
-        /// The folder of masks.
+        /// Path of the folder of masks.
         masks: PathBuf,
-        /// The photograph.
+        /// Path of the photograph.
         photo: PathBuf,
     },
-    /// Two files that could be meant.
+    /// Two files have the same name but for their endings, where one is wanted.
     #[error("{first} and {second} have the same name but for their endings, so {what}", first = first.display(), second = second.display())]
     Ambiguous {
-        /// One.
+        /// Path of one of the files.
         first: PathBuf,
-        /// The other.
+        /// Path of the other file.
         second: PathBuf,
-        /// What cannot be told.
+        /// Consequence, and what the user can do.
         what: &'static str,
     },
 }
 
-/// What is in a folder.
+/// The files of a folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Listing {
-    /// The pictures, by the bytes of their names; at least one.
+    /// Paths of the pictures, sorted by the bytes of their names; at least one.
     pub pictures: Vec<PathBuf>,
-    /// Names of the files with endings of no known picture, likewise.
+    /// Names of the files whose endings are of no known picture format, sorted likewise.
     pub others: Vec<String>,
 }
 
-/// Lists a folder. Sub-folders and hidden files are passed over.
+/// Lists the files of a folder, without hidden ones and sub-folders.
 ///
 /// # Errors
-/// When the folder cannot be read or has no picture.
+/// When the folder cannot be read or contains no picture.
 pub fn list(folder: &Path) -> Result<Listing, FolderError> {
     let read = |source| FolderError::Read { path: folder.to_owned(), source };
     let mut files = Vec::new();
@@ -99,10 +99,11 @@ pub fn list(folder: &Path) -> Result<Listing, FolderError> {
     })
 }
 
-/// The mask of each photograph: the picture of the same name, endings aside, in `folder`.
+/// Path of the mask of each photograph: the picture in `folder` whose name is that of the
+/// photograph, endings aside.
 ///
 /// # Errors
-/// When there is none, or more than one, or two photographs would share it.
+/// When a photograph has no mask or more than one, or two photographs would share one.
 pub fn masks(folder: &Path, photos: &[PathBuf]) -> Result<Vec<PathBuf>, FolderError> {
     let all = list(folder)?.pictures;
     let stem = |path: &Path| path.file_stem().map(OsStr::to_owned);

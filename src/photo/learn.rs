@@ -1,51 +1,56 @@
-//! Class signatures, and how well they tell the classes' photographs apart.
+//! Learning of a signature for each class of photographs, and how well the signatures tell
+//! the classes apart.
 
 use crate::math::stats::median;
 use crate::objective::histogram::{BINS, Cumulated, f_hist};
 use crate::objective::signature::library::Method;
+use crate::objective::{Term, Values};
 
 use super::barycentre::Quantiles;
 
-/// A normal sample's standard deviation in units of its median absolute deviation.
+/// Standard deviation of a normal distribution in units of its median absolute deviation,
+/// 1/Φ⁻¹(3/4).
 const MAD_TO_SIGMA: f64 = 1.4826;
 
-/// Distance above the median, in such standard deviations, that makes an outlier.
+/// Distance above the median, in standard deviations, from which a photograph is an outlier:
+/// the customary three, which 0.13 % of normal samples exceed.
 const OUTLIER_SIGMAS: f64 = 3.0;
 
-/// What a photograph is to learning.
+/// The measurements of a photograph that signatures are learned from.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// Its cumulated histogram.
+    /// Cumulated histogram of the photograph's display luminance.
     pub cumulated: Cumulated,
-    /// What the five scalar terms measure of it, when its main object is known.
-    pub scalars: Option<[f64; 5]>,
+    /// What the scalar terms measure of the photograph, when its main object is known.
+    pub values: Option<Values>,
 }
 
-/// How a photograph stands to the classes, itself left out of its own.
+/// Distances of a photograph to the classes, with the photograph left out of its own class.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
-    /// Distance to each class's signature, eq. (8); `None` to that of a class that has no
-    /// other photograph.
+    /// Distance to the signature of each class, eq. (8); `None` for the photograph's own class
+    /// when it has no other photograph.
     pub distances: Vec<Option<f64>>,
-    /// The nearest class; `None` when a distance is missing.
+    /// Index of the nearest class; `None` when a distance is missing.
     pub nearest: Option<usize>,
-    /// Whether it is unlike the rest of its class.
+    /// Whether the photograph is unlike the rest of its class, see
+    /// [`Learned::outlier_above`].
     pub outlier: bool,
 }
 
-/// What was learned of a class.
+/// The signature learned for a class, and how its photographs compare with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Learned {
-    /// Its signature.
+    /// Cumulated histogram that is the signature of the class.
     pub signature: Cumulated,
-    /// Its photographs, in order.
+    /// Photographs of the class, in the order given.
     pub photos: Vec<Judged>,
-    /// Distance to the own class above which a photograph is an outlier: the median of the
-    /// class's distances and three standard deviations, these from the median absolute
-    /// deviation. `None` with a single photograph.
+    /// Distance to its own class above which a photograph is an outlier: the median of the
+    /// distances in the class plus three standard deviations, estimated from the median
+    /// absolute deviation. `None` with a single photograph.
     pub outlier_above: Option<f64>,
-    /// Mean of what the scalar terms measure, when all photographs have masks.
-    pub scalars: Option<[f64; 5]>,
+    /// Means of what the scalar terms measure over the photographs, when all have masks.
+    pub values: Option<Values>,
 }
 
 /// Learns the signature of each class from its photographs, at least one each.
@@ -63,12 +68,13 @@ pub fn learn(classes: &[Vec<Measured>], method: Method) -> Vec<Learned> {
             .map(|(q, without)| judge(q, own, without.as_ref(), &signatures))
             .collect();
         let outlier_above = mark_outliers(&mut judged, own);
-        Learned { signature: signatures[own], photos: judged, outlier_above, scalars: mean_scalars(photos) }
+        Learned { signature: signatures[own], photos: judged, outlier_above, values: mean_values(photos) }
     })
     .collect()
 }
 
-/// Photographs of class `row` whose nearest class is `column`, as `[row][column]`.
+/// The confusion matrix of the classes: number of photographs of class `row` whose nearest
+/// class is `column`, as `[row][column]`.
 #[must_use]
 pub fn confusion(classes: &[Learned]) -> Vec<Vec<usize>> {
     let row = |class: &Learned| {
@@ -81,6 +87,7 @@ pub fn confusion(classes: &[Learned]) -> Vec<Vec<usize>> {
     classes.iter().map(row).collect()
 }
 
+/// Distances of a photograph of class `own` to the signatures, to its own class `without` it.
 fn judge(q: &Cumulated, own: usize, without: Option<&Cumulated>, signatures: &[Cumulated]) -> Judged {
     let distance = |class: usize| {
         let p = if class == own { without } else { Some(&signatures[class]) };
@@ -92,6 +99,8 @@ fn judge(q: &Cumulated, own: usize, without: Option<&Cumulated>, signatures: &[C
     Judged { distances, nearest, outlier: false }
 }
 
+/// Marks the photographs that are outliers of their class `own`; returns the distance above
+/// which they are.
 fn mark_outliers(photos: &mut [Judged], own: usize) -> Option<f64> {
     let distances: Vec<f64> = photos.iter().filter_map(|p| p.distances[own]).collect();
     let middle = median(&distances)?;
@@ -103,6 +112,7 @@ fn mark_outliers(photos: &mut [Judged], own: usize) -> Option<f64> {
     Some(above)
 }
 
+/// The signature of a class from the histograms of its photographs.
 fn combine(histograms: &[Cumulated], method: Method) -> Cumulated {
     match method {
         Method::Mean => mean(histograms.iter(), histograms.len()),
@@ -110,7 +120,8 @@ fn combine(histograms: &[Cumulated], method: Method) -> Cumulated {
     }
 }
 
-/// The signature without each photograph; `None` when there is no other.
+/// The signatures of a class with one photograph left out, by photograph; `None` when there
+/// is no other.
 fn leave_one_out(histograms: &[Cumulated], method: Method) -> Vec<Option<Cumulated>> {
     let n = histograms.len();
     if n < 2 {
@@ -140,10 +151,11 @@ fn mean<'a>(histograms: impl Iterator<Item = &'a Cumulated>, n: usize) -> Cumula
     out.map(|sum| sum / n as f64)
 }
 
-fn mean_scalars(photos: &[Measured]) -> Option<[f64; 5]> {
-    let all: Option<Vec<[f64; 5]>> = photos.iter().map(|p| p.scalars).collect();
+fn mean_values(photos: &[Measured]) -> Option<Values> {
+    let all: Option<Vec<Values>> = photos.iter().map(|p| p.values).collect();
     let all = all.filter(|all| !all.is_empty())?;
-    Some(std::array::from_fn(|i| all.iter().map(|s| s[i]).sum::<f64>() / all.len() as f64))
+    let sum = |term: Term| all.iter().map(|values| values[term as usize]).sum::<Option<f64>>();
+    Some(Term::ALL.map(|term| Some(sum(term)? / all.len() as f64)))
 }
 
 #[cfg(test)]
@@ -153,7 +165,8 @@ mod tests {
 
     fn photo(a: f64, b: f64) -> Measured {
         let cumulated = std::array::from_fn(|i| beta_cdf((i + 1) as f64 / BINS as f64, a, b));
-        Measured { cumulated, scalars: Some([a / 10.0, 0.5, 0.1, 0.2, 0.3]) }
+        let value = |term| if term == Term::MeanObj { a / 10.0 } else { 0.3 };
+        Measured { cumulated, values: Some(Term::ALL.map(|term| Some(value(term)))) }
     }
 
     fn bright() -> Vec<Measured> {
@@ -170,8 +183,9 @@ mod tests {
             let learned = learn(&[bright(), dark()], method);
             assert_eq!(confusion(&learned), [[4, 0], [0, 3]]);
             assert!(learned.iter().flat_map(|c| &c.photos).all(|p| !p.outlier));
-            let brightness = bright().iter().map(|p| p.scalars.unwrap()[0]).sum::<f64>() / 4.0;
-            assert_eq!(learned[0].scalars.unwrap()[0], brightness);
+            let brightness = |values: Option<Values>| values.unwrap()[Term::MeanObj as usize].unwrap();
+            let mean = bright().iter().map(|p| brightness(p.values)).sum::<f64>() / 4.0;
+            assert_eq!(brightness(learned[0].values), mean);
         }
         let learned = learn(&[bright()], Method::Mean);
         let want = bright().iter().map(|p| p.cumulated[200]).sum::<f64>() / 4.0;

@@ -1,4 +1,4 @@
-//! What a look can be given by: a target, a signature of a library, or a photograph.
+//! Looks as users name them: a target, a signature of a library, or a photograph.
 
 use std::path::{Path, PathBuf};
 
@@ -8,64 +8,61 @@ use super::{Photo, PhotoError};
 use crate::film::image_file::has_picture_ending;
 use crate::objective::signature::library::{Library, LibraryError, split_reference};
 use crate::objective::signature::{Shape, Signature, SignatureError};
-use crate::objective::target::{PUBLISHED_WEIGHTS, TargetError};
+use crate::objective::target::{DEFAULT_WEIGHTS, HISTOGRAM_ONLY, TargetError};
 use crate::objective::{LuminanceMode, Target};
 
-/// Weights of a look that is a histogram and nothing else.
-const HISTOGRAM_ONLY: [f64; 6] = [0.0, 0.0, 0.0, 0.0, 0.0, PUBLISHED_WEIGHTS[5]];
-
-/// Why there is no look.
+/// Why a look cannot be resolved.
 #[derive(Debug, Error)]
 pub enum LookError {
-    /// No target.
+    /// A target cannot be read.
     #[error(transparent)]
     Target(#[from] TargetError),
-    /// No signature.
+    /// A signature library cannot be read, or does not have the class.
     #[error(transparent)]
     Library(#[from] LibraryError),
-    /// No photograph.
+    /// A photograph cannot be read or measured.
     #[error(transparent)]
     Photo(#[from] PhotoError),
-    /// A whole library where one class is wanted.
+    /// A whole signature library is named where one of its classes is wanted.
     #[error(
         "{path}: a signature library holds several looks; choose one: {choices}",
         path = path.display()
     )]
     WholeLibrary {
-        /// The file.
+        /// Path of the library.
         path: PathBuf,
-        /// What may be written instead.
+        /// References to the classes of the library, of which one is wanted.
         choices: String,
     },
-    /// A mask without a photograph to apply it to.
+    /// A mask is given with a look that is not a photograph.
     #[error("{mask}: a mask of a target needs a photograph as target, and `{target}` is none", mask = mask.display())]
     MaskWithoutPhoto {
-        /// The mask.
+        /// Path of the mask.
         mask: PathBuf,
-        /// The target.
+        /// Look as the user named it.
         target: String,
     },
-    /// The measured histogram is no signature.
+    /// The measured histogram of a photograph is not valid as a signature.
     #[error("{photo}: no signature", photo = photo.display())]
     Signature {
-        /// The photograph.
+        /// Path of the photograph.
         photo: PathBuf,
-        /// Why.
+        /// Condition that the histogram violates.
         #[source]
         source: SignatureError,
     },
 }
 
-/// A look as it was given.
+/// A look that has been resolved from its name.
 #[derive(Clone, Debug)]
 pub enum Look {
     /// Target values and weights.
     Target(Target),
-    /// A photograph, in full size until it is known with what it is compared.
+    /// A photograph, in full size until the size of the pictures to compare is known.
     Photo {
-        /// Its file.
+        /// Path of the photograph's file.
         path: PathBuf,
-        /// What it shows.
+        /// Luminance of the photograph, and its mask.
         photo: Photo,
     },
 }
@@ -73,10 +70,10 @@ pub enum Look {
 impl Look {
     /// The look that `spec` names: a built-in target, a photograph (by its ending), a class of
     /// a signature library (`FILE.toml#CLASS`: its histogram alone), or else a target file.
-    /// `mask` is that of the photograph's main object.
+    /// `mask` is the file of the mask of the photograph's main object.
     ///
     /// # Errors
-    /// When there is no such thing, it is not valid, or a mask is given to another thing.
+    /// When there is no such look, it is not valid, or a mask is given with another kind of look.
     pub fn resolve(spec: &str, mask: Option<&Path>) -> Result<Self, LookError> {
         let path = Path::new(spec);
         if has_picture_ending(path) {
@@ -88,9 +85,7 @@ impl Look {
         if let Some((file, class)) = split_reference(spec) {
             let signature = Library::find(file, class)?;
             let name = format!("{}-{class}", stem(file));
-            let (mean, sigma) = signature.moments();
-            let values = [mean, mean, sigma, sigma, 0.0];
-            return Ok(Self::Target(Target::new(name, values, HISTOGRAM_ONLY, signature)));
+            return Ok(Self::Target(Target::of_histogram(name, signature)));
         }
         match (Target::resolve(spec), Library::read(path)) {
             (Ok(target), _) => Ok(Self::Target(target)),
@@ -103,7 +98,7 @@ impl Look {
         }
     }
 
-    /// Its name: that of the target, or the stem of the photograph's file.
+    /// Name of the look: that of the target, or the stem of the photograph's file name.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -128,16 +123,17 @@ impl Look {
             Self::Target(target) => Ok(target),
             Self::Photo { path, photo } => {
                 let z = photo.reduced(longest).measure(mode)?;
-                let shape = Shape::Cumulated(z.cumulated.to_vec());
+                let shape = Shape::Cumulated(z.cumulated().to_vec());
                 let signature = Signature::new(&name, shape)
                     .map_err(|source| LookError::Signature { photo: path.clone(), source })?;
-                let weights = if photo.has_mask() { PUBLISHED_WEIGHTS } else { HISTOGRAM_ONLY };
-                Ok(Target::new(name, z.scalars(), weights, signature))
+                let weights = if photo.has_mask() { DEFAULT_WEIGHTS } else { HISTOGRAM_ONLY };
+                Ok(Target::new(name, &z.values(), weights, signature))
             }
         }
     }
 }
 
+/// Name of a file without its directory and ending.
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }

@@ -1,10 +1,11 @@
-//! Photographs as looks: what they measure, and signatures learned from them.
+//! Photographs as looks: their statistics, and signatures learned from them.
 //!
-//! A photograph is measured as a rendered picture is: upright, in linear light reduced by a box
-//! filter to at most a stated number of pixels a side, then display luminance, statistics and
-//! cumulated histogram as [`objective`](crate::objective) defines them. The gradient g, and a
-//! little the standard deviations and the histogram, depend on that number of pixels; only
-//! pictures of about equal size compare.
+//! A photograph is measured as a rendered picture is. It is turned upright, reduced in linear
+//! light by a box filter to at most a stated number of pixels a side, and encoded as display
+//! luminance, of which statistics and cumulated histogram are taken as
+//! [`objective`](crate::objective) defines them. The gradient g, and a little the standard
+//! deviations and the histogram, depend on that number of pixels; only pictures of about equal
+//! size compare.
 
 pub mod barycentre;
 pub mod folder;
@@ -30,46 +31,46 @@ pub use look::Look;
 /// Why a photograph cannot be measured.
 #[derive(Debug, Error)]
 pub enum PhotoError {
-    /// Photograph or mask cannot be read.
+    /// A photograph or a mask cannot be read.
     #[error(transparent)]
     File(#[from] ImageFileError),
-    /// An EXR cannot be read.
+    /// An EXR file cannot be read.
     #[error(transparent)]
     Exr(#[from] ExrError),
-    /// A pixel that is not a number.
+    /// A pixel is not a number.
     #[error("{path}: the pixel at column {x}, row {y} is not a number", path = path.display())]
     NotANumber {
-        /// The file.
+        /// Path of the photograph.
         path: PathBuf,
-        /// Column, from 0.
+        /// Column of the pixel, from 0.
         x: usize,
-        /// Row, from 0.
+        /// Row of the pixel, from 0.
         y: usize,
     },
-    /// Mask and photograph differ in size.
+    /// A mask has another size than its photograph.
     #[error(
         "{mask}: the mask has {} x {} pixels, {photo} {} x {} (upright); they must be of one size",
         mask_size[0], mask_size[1], photo_size[0], photo_size[1],
         mask = mask.display(), photo = photo.display()
     )]
     MaskSize {
-        /// The mask.
+        /// Path of the mask.
         mask: PathBuf,
-        /// Its width and height.
+        /// Width and height of the mask, pixels.
         mask_size: [usize; 2],
-        /// The photograph.
+        /// Path of the photograph.
         photo: PathBuf,
-        /// Its width and height.
+        /// Width and height of the upright photograph, pixels.
         photo_size: [usize; 2],
     },
-    /// The mask leaves nothing to measure.
+    /// A reduced mask leaves no pixel to the object or none to the background.
     #[error("{mask}: reduced to {} x {} pixels", size[0], size[1], mask = mask.display())]
     Mask {
-        /// The mask, or the EXR that stores it.
+        /// Path of the mask, or of the EXR file that stores it.
         mask: PathBuf,
-        /// Size after reduction.
+        /// Width and height after reduction, pixels.
         size: [usize; 2],
-        /// What is wrong with it.
+        /// Condition that the mask violates.
         #[source]
         source: ObjectiveError,
     },
@@ -78,30 +79,32 @@ pub enum PhotoError {
 /// The mask of a photograph's main object.
 #[derive(Clone, Debug)]
 struct Mask {
+    /// Path of the mask, or of the EXR file that stores it.
     path: PathBuf,
-    /// Share of each pixel that is object.
+    /// Share of each pixel that the object covers, in [0, 1], row-major.
     coverage: Vec<f64>,
 }
 
-/// A photograph, as far as it is measured.
+/// The luminance of a photograph and the mask of its main object.
 #[derive(Clone, Debug)]
 pub struct Photo {
-    /// Width and height, pixels.
+    /// Width and height of the upright photograph, pixels.
     size: [usize; 2],
-    /// Linear luminance times exposure, row-major.
+    /// Linear luminance times exposure of each pixel, row-major.
     luminance: Vec<f64>,
+    /// Mask of the main object, when it is known.
     mask: Option<Mask>,
 }
 
 impl Photo {
-    /// Reads a photograph and, if given, the mask of its main object: white there, of the
-    /// size of the upright photograph.
+    /// Reads a photograph and, if given, the mask of its main object: a picture of the size of
+    /// the upright photograph that is white on the object.
     ///
-    /// 8 and 16 bits a channel are sRGB-encoded, floating point is linear. An EXR of this
-    /// program brings its exposure and, if `mask` is none, its mask.
+    /// Pictures of 8 and 16 bits a channel are taken as sRGB-encoded, floating point as linear.
+    /// An EXR file of this program brings its exposure and, without `mask`, its mask.
     ///
     /// # Errors
-    /// When a file is no picture, the sizes differ, or a pixel is not a number.
+    /// When a file is not a picture, the sizes differ, or a pixel is not a number.
     pub fn read(path: &Path, mask: Option<&Path>) -> Result<Self, PhotoError> {
         let exr = if is_exr(path)? { Some(read_exr(path)?) } else { None };
         let LinearImage { width, height, rgb } = match &exr {
@@ -123,20 +126,20 @@ impl Photo {
         Ok(Self { size: [width, height], luminance, mask })
     }
 
-    /// Width and height, pixels.
+    /// Width and height of the upright photograph, pixels.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// Whether the main object is known.
+    /// Whether the photograph's main object is known.
     #[must_use]
     pub fn has_mask(&self) -> bool {
         self.mask.is_some()
     }
 
-    /// The photograph with at most `longest` pixels a side: means of linear light over the
-    /// area of each new pixel. Smaller ones stay as they are.
+    /// The photograph reduced to at most `longest` pixels a side, each pixel the mean of linear
+    /// light over its area. A smaller photograph stays as it is.
     ///
     /// # Panics
     /// When `longest` is 0.
@@ -148,22 +151,22 @@ impl Photo {
         Self { size: to, luminance: filter(&self.luminance), mask }
     }
 
-    /// Display luminance of every pixel.
+    /// Display luminance of every pixel, row-major.
     #[must_use]
     pub fn display_luminance(&self, mode: LuminanceMode) -> Vec<f64> {
         // The exposure is in the luminance already.
         self.luminance.iter().map(|&y| mode.encode(y, 1.0)).collect()
     }
 
-    /// Its cumulated histogram.
+    /// Cumulated histogram of the display luminance.
     #[must_use]
     pub fn cumulated(&self, mode: LuminanceMode) -> Cumulated {
         let [width, height] = self.size;
-        Statistics::measure_whole(&self.display_luminance(mode), width, height).cumulated
+        Statistics::measure_whole(&self.display_luminance(mode), width, height).cumulated()
     }
 
-    /// Its statistics. With a mask a pixel is object when at least half of it is; without,
-    /// those of the [whole](Statistics::measure_whole).
+    /// Statistics of the photograph. With a mask, a pixel is object when at least half of it is
+    /// covered; without, they are those of the [whole](Statistics::measure_whole) photograph.
     ///
     /// # Errors
     /// When the mask leaves no pixel to the object or to the background.
@@ -182,11 +185,13 @@ impl Photo {
     }
 }
 
+/// Exposure that an EXR file of this program states.
 fn stored_exposure(exr: &ExrImage) -> Option<f64> {
     let exposure = exr.lightopt.as_ref()?.get("exposure")?.as_f64()?;
     (exposure > 0.0).then_some(exposure)
 }
 
+/// The mask read from `path`, when it has the photograph's size.
 fn fitting(path: &Path, mask: &MaskImage, photo: &Path, size: [usize; 2]) -> Result<Mask, PhotoError> {
     let mask_size = [mask.width, mask.height];
     if mask_size != size {

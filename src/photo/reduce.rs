@@ -1,7 +1,7 @@
-//! Making a picture smaller: the box filter, exactly weighted by area.
+//! Reduction of pictures by the box filter, exactly weighted by area.
 
-/// Size of a picture of `size` (width, height) reduced so that its longer side has at most
-/// `longest` pixels, its shape kept to the nearest pixel; `size` itself when it has.
+/// Width and height of a picture reduced so that its longer side has at most `longest`
+/// pixels, with its shape kept to the nearest pixel; unchanged when it is no longer.
 ///
 /// # Panics
 /// When `longest` is 0.
@@ -44,8 +44,9 @@ pub fn box_filter(values: &[f64], from: [usize; 2], to: [usize; 2]) -> Vec<f64> 
     out
 }
 
-/// The pixels of a line of `from` under each pixel of a line of `to`, with the length of
-/// the overlap in units of 1/`to` pixels: whole numbers that add up to `from`.
+/// Index and weight of the pixels of a line of `from` pixels under each pixel of a line of
+/// `to`. Weights are the lengths of the overlaps in units of 1/`to` pixels: whole numbers that
+/// add up to `from`.
 fn footprints(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
     let overlap = |i: usize, j: usize| {
         let (start, end) = ((j * from).max(i * to), ((j + 1) * from).min((i + 1) * to));

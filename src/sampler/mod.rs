@@ -16,7 +16,7 @@ use sobol_burley::{NUM_DIMENSION_SETS_4D, sample_4d};
 
 use crate::math::hash::hash_words;
 
-/// Families of low-discrepancy sequences.
+/// The families of sequences.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SamplerKind {

@@ -210,13 +210,6 @@ impl Material {
         Self { name, params, alpha, coat }
     }
 
-    /// The material with its base colour multiplied by `value`.
-    #[must_use]
-    pub fn scaled(&self, value: f32) -> Self {
-        let params = MaterialParams { base_color: self.params.base_color * value, ..self.params.clone() };
-        Self { params, ..self.clone() }
-    }
-
     /// Scattering model.
     #[must_use]
     pub fn model(&self) -> Model {

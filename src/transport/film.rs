@@ -1,4 +1,4 @@
-//! The film that keeps contributions apart: by light, size bin and value node.
+//! The film of a basis, which keeps contributions apart by light, size bin and value node.
 
 use std::sync::{
     Mutex,
@@ -8,14 +8,17 @@ use std::sync::{
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::{COLOURS, Layout, kernels};
+use super::{
+    kernels,
+    layout::{COLOURS, Layout},
+};
 use crate::{
     film::{Contribution, Film, Recorder, RowRecorder},
     math::NodeRgb,
 };
 
-/// Sums of the contributions to the replicates of a basis: of luminance for each replicate, of
-/// colour for all of them.
+/// A film that sums contributions into the tables of a basis: luminance for each replicate, colour for
+/// all of them.
 ///
 /// A row of pixels is summed in memory of its own, small enough for the caches, and goes to
 /// the tables when its samples are done. A pixel's own contributions are added in sample
@@ -24,28 +27,37 @@ use crate::{
 #[derive(Debug)]
 pub struct BasisFilm<'a, const N: usize> {
     layout: &'a Layout,
-    /// By replicate.
+    /// Tables of luminance, one for each replicate.
     luminance: &'a mut [Vec<f32>],
-    /// Empty when colour is not kept.
+    /// Table of colour; empty if colour is not kept.
     colour: &'a mut [f32],
-    /// Whether the tables hold nothing yet: then they are written, not read.
+    /// Whether the tables hold nothing yet and are written without being read.
     is_first: bool,
-    /// Of a sample.
+    /// Weight with which a sample counts.
     weight: u32,
-    /// Memory of rows that are done.
+    /// Memory of rows that are done, to be used by others.
     spare: Mutex<Vec<Sums>>,
-    /// [row that made them][replicate]
+    /// Contributions of light subpaths, as `[row of pixels that made them][replicate]`.
     splats: Vec<Vec<Splat<N>>>,
+    /// Number of contributions dropped because they were not finite.
     non_finite: AtomicU64,
 }
 
-/// Most bytes that light subpaths leave until the end of a render of `n_subpaths` of them, each of
-/// at most `max_depth` vertices that see the lens.
-pub(super) fn splat_bytes<const N: usize>(n_subpaths: u64, max_depth: usize) -> u64 {
-    n_subpaths * max_depth as u64 * size_of::<Splat<N>>() as u64
+/// Upper bound of the memory, bytes, that a render of a basis keeps until its end for the
+/// contributions of `n_subpaths` light subpaths, each of at most `max_depth` vertices that see the
+/// lens.
+#[must_use]
+pub fn splat_memory(layout: &Layout, n_subpaths: u64, max_depth: usize) -> u64 {
+    let size = match layout.nodes.len() {
+        1 => size_of::<Splat<1>>(),
+        2..=8 => size_of::<Splat<8>>(),
+        9..=16 => size_of::<Splat<16>>(),
+        _ => size_of::<Splat<32>>(),
+    };
+    n_subpaths * max_depth as u64 * size as u64
 }
 
-/// A contribution of a light subpath.
+/// A contribution of a light subpath to the pixel of an index.
 #[derive(Clone, Copy, Debug)]
 struct Splat<const N: usize> {
     pixel: u32,
@@ -53,14 +65,14 @@ struct Splat<const N: usize> {
     value: NodeRgb<N>,
 }
 
-/// Where a contribution goes: a cell and, with the rest, the next one.
+/// Cells of a contribution: `cell` gets the share 1 − `next` of it, the cell above the share `next`.
 #[derive(Clone, Copy, Debug)]
 struct Deposit {
     cell: u32,
     next: f32,
 }
 
-/// Recorder of a row of a [`BasisFilm`].
+/// Recorder of one row of pixels of a [`BasisFilm`].
 #[derive(Debug)]
 pub struct BasisRow<'a, const N: usize> {
     layout: &'a Layout,
@@ -68,33 +80,34 @@ pub struct BasisRow<'a, const N: usize> {
     is_first: bool,
     weight: u32,
     spare: &'a Mutex<Vec<Sums>>,
-    /// While the row is open.
+    /// Sums of the row, while it is open.
     sums: Sums,
-    /// By replicate.
+    /// Contributions of light subpaths, by replicate.
     splats: &'a mut [Vec<Splat<N>>],
     replicate: usize,
     pixel: usize,
     non_finite: &'a AtomicU64,
 }
 
-/// Sums of a row of pixels.
+/// Sums of the contributions to a row of pixels.
 #[derive(Debug, Default)]
 struct Sums {
-    /// Of a sample.
+    /// Weight with which a sample counts.
     weight: f32,
     n_cells: usize,
     n_nodes: usize,
-    /// [pixel][cell][node], of the present replicate.
+    /// Sums of luminance of the present replicate, as `[pixel][cell][node]`.
     luminance: Vec<f32>,
-    /// [pixel][cell][red or blue][node], of all replicates.
+    /// Sums of colour of all replicates, as `[pixel][cell][red or blue][node]`.
     colour: Vec<f32>,
 }
 
 /// Parts of the tables that belong to a row of pixels.
 #[derive(Debug)]
 struct RowTables<'a> {
-    /// By replicate.
+    /// Parts of the tables of luminance, by replicate.
     luminance: Vec<&'a mut [f32]>,
+    /// Part of the table of colour; empty if colour is not kept.
     colour: &'a mut [f32],
 }
 
@@ -127,7 +140,7 @@ impl Sums {
     }
 }
 
-/// The tables, row by row of pixels.
+/// Parts of the tables for each row of pixels, first row first.
 fn row_tables<'a>(
     layout: &Layout,
     luminance: &'a mut [Vec<f32>],
@@ -164,8 +177,8 @@ fn flush(layout: &Layout, sums: &mut [f32], table: &mut [f32], is_first: bool) {
 }
 
 impl<'a, const N: usize> BasisFilm<'a, N> {
-    /// A film that fills tables: of luminance by replicate, and of colour unless that is
-    /// empty. With `is_first` it does not look at what they hold. A sample counts `weight` times.
+    /// A film that fills the tables `luminance`, one for each replicate, and `colour` unless that is
+    /// empty. With `is_first` it overwrites what they hold. A sample counts `weight` times.
     ///
     /// # Panics
     /// When the layout has another number of value nodes.
@@ -190,7 +203,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
         }
     }
 
-    /// Adds what light subpaths left.
+    /// Adds the contributions of light subpaths to the tables.
     pub fn finish(self) {
         let Self { layout, luminance, colour, weight, mut splats, .. } = self;
         let (width, n_replicates, with_colour) = (layout.size.x, luminance.len(), !colour.is_empty());

@@ -6,10 +6,11 @@
 use glam::{Mat4, Vec4};
 use multiversion::multiversion;
 
-/// Numbers handled at a time: few enough for the registers and the first cache level, so
-/// many that the inner loops become vector instructions.
+/// Partial sums of a dot product: enough for vector instructions of every width to work in parallel,
+/// few enough for the registers. The order of the sums, and so the result, depends on it.
 const LANES: usize = 64;
-/// Numbers that several others are multiplied with while they stay in the first cache level.
+/// Length of the parts in which several dot products with one vector are taken: 4 KiB of f64, which
+/// stay in the first cache level meanwhile.
 const BLOCK: usize = 512;
 
 /// `out[p] = Σ_i weights[i] · rows[i][p]`.
@@ -35,8 +36,8 @@ pub(super) fn combine(rows: &[&[f32]], weights: &[f64], out: &mut [f64]) {
     }
 }
 
-/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]`, the rows read once; the last of the three
-/// is added to what is there.
+/// `out[k][p] = Σ_i weights[i][k] · rows[i][p]` with the rows read once, where the third sum is added to the
+/// values of `out[2]`.
 #[multiversion(targets = "simd")]
 pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [f64]; 3]) {
     let [a, b, c] = out;
@@ -56,12 +57,12 @@ pub(super) fn combine_thrice(rows: &[&[f32]], weights: &[[f64; 3]], out: [&mut [
     }
 }
 
-/// Side of the part of a matrix that is transposed at a time: as many numbers as a line of the
-/// cache has.
+/// Side of the part of a matrix that is transposed at a time: the numbers (f32) of a cache line of 64
+/// bytes.
 const TILE: usize = 16;
 
-/// `to[i][x] = from[x][i]`, or added to it unless `is_first`, for `width` many x. What is written
-/// is written in order: it is mostly not in the caches.
+/// Transposes: `to[i][x] = from[x][i]` if `is_first`, else `to[i][x] += from[x][i]`, for x below `width`.
+/// Results are written in order, since their memory is mostly not in the caches.
 pub(super) fn transpose(from: &[f32], width: usize, to: &mut [f32], is_first: bool) {
     let n = from.len() / width;
     let mut tile = [[0.0_f32; TILE]; TILE];
@@ -99,7 +100,7 @@ pub(super) fn transpose(from: &[f32], width: usize, to: &mut [f32], is_first: bo
     }
 }
 
-/// Adds `Σ_p a[p] · b[i][p]` to `sums[i]`; `a` is read from memory once.
+/// Adds `Σ_p a[p] · b[i][p]` to `sums[i]` for every i; `a` is read from memory once.
 pub(super) fn add_dots(a: &[f64], b: &[&[f64]], sums: &mut [f64]) {
     for (i, a) in a.chunks(BLOCK).enumerate() {
         for (b, sum) in b.iter().zip(&mut *sums) {

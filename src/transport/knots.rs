@@ -15,26 +15,27 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The knots of one light.
+/// Knots of the size of one light, in u = s².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Knots {
     /// Squared sizes, ascending from 0.
     u: Vec<f64>,
 }
 
-/// C(s) as a combination of prefix sums Q_i = m_0 + … + m_i.
+/// C(s) as a linear combination of three prefix sums Q_i = m_0 + … + m_i of the masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnotWeights {
-    /// The first knot that counts; the others follow it.
+    /// Index of the first knot whose prefix sum counts; the others are the next two.
     pub first: usize,
-    /// Weights of Q_first, Q_first+1, Q_first+2.
+    /// Weights of Q_first, Q_first+1 and Q_first+2.
     pub value: [f64; 3],
-    /// Their derivatives by the size.
+    /// Derivatives of those weights by the size s.
     pub slope: [f64; 3],
 }
 
 impl Knots {
-    /// About `n` knots for sizes in `[smallest, largest]`: 0, then even ratios.
+    /// `n` knots, at least 3, for sizes in `[smallest, largest]`: at 0, and from `smallest` to `largest`
+    /// in even ratios.
     #[must_use]
     pub fn geometric(smallest: f64, largest: f64, n: usize) -> Self {
         let steps = n.saturating_sub(2).max(1);
@@ -43,8 +44,8 @@ impl Knots {
         Self::new((0..=steps).map(size).collect())
     }
 
-    /// Half of `n` knots as [`Self::geometric`], and as many for each of the sizes `at` within a
-    /// factor of `1 ± spread` of it.
+    /// Half of `n` knots as by [`Self::geometric`], and as many around each of the sizes `at`, evenly
+    /// spaced within a factor of 1 ± `spread` of it.
     #[must_use]
     pub fn around(smallest: f64, largest: f64, at: &[f64], spread: f64, n: usize) -> Self {
         let n_fine = n / 2;
@@ -63,52 +64,53 @@ impl Knots {
     /// Knots at 0 and at the given sizes.
     fn new(mut sizes: Vec<f64>) -> Self {
         sizes.sort_by(f64::total_cmp);
-        // Bins thinner than this only cost memory.
+        // Bins thinner than a millionth of a size only cost memory.
         sizes.dedup_by(|b, a| *b <= *a * (1.0 + 1e-6));
         Self { u: std::iter::once(0.0).chain(sizes.into_iter().map(|s| s * s)).collect() }
     }
 
-    /// Whether the knots are at least two and ascend from 0, as those read from a file should.
+    /// Whether there are at least two knots that ascend from 0 and are finite: knots read from a file may
+    /// be anything.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         let ascend = self.u.windows(2).all(|w| w[0] < w[1]);
         self.u.len() >= 2 && self.u[0] == 0.0 && ascend && self.u.iter().all(|u| u.is_finite())
     }
 
-    /// Number of knots, that at 0 included.
+    /// Number of knots, including that at 0.
     #[must_use]
     pub fn len(&self) -> usize {
         self.u.len()
     }
 
-    /// Never: there are two knots at least.
+    /// Whether there are no knots, which is never so.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.u.is_empty()
     }
 
-    /// Sizes at the knots.
+    /// Sizes at the knots, ascending from 0.
     #[must_use]
     pub fn sizes(&self) -> Vec<f64> {
         self.u.iter().map(|u| u.sqrt()).collect()
     }
 
-    /// Bin of `u` and the position in it.
+    /// Index of the bin that contains `u`, and the position in it, in [0, 1].
     fn locate(&self, u: f64) -> (usize, f64) {
         let last = self.u.len() - 2;
         let j = self.u.partition_point(|&k| k <= u).saturating_sub(1).min(last);
         (j, ((u - self.u[j]) / (self.u[j + 1] - self.u[j])).clamp(0.0, 1.0))
     }
 
-    /// The knot below a size coordinate, and the share of a contribution that
-    /// goes to the one above it.
+    /// Index of the knot below a size coordinate, and the share of a contribution that goes to the knot
+    /// above it.
     #[must_use]
     pub fn deposit(&self, rho: f32) -> (usize, f32) {
         let (j, t) = self.locate(f64::from(rho) * f64::from(rho));
         (j, t as f32)
     }
 
-    /// ∫B_i.
+    /// Integral of the hat function B_i.
     fn area(&self, i: usize) -> f64 {
         let below = if i == 0 { 0.0 } else { self.u[i] - self.u[i - 1] };
         let above = self.u.get(i + 1).map_or(0.0, |next| next - self.u[i]);
@@ -124,7 +126,8 @@ impl Knots {
         (g, [(1.0 - t) / a, t / b])
     }
 
-    /// The light's share of the masses at size `s`, cut to the largest size.
+    /// C at the size `s` as a combination of prefix sums; beyond the largest size it is that of the
+    /// largest.
     #[must_use]
     pub fn weights(&self, s: f64) -> KnotWeights {
         let (j, t) = self.locate(s * s);
@@ -143,7 +146,8 @@ impl Knots {
         KnotWeights { first: j - 1, value, slope }
     }
 
-    /// H_s(ρ): how much of a contribution at ρ the light of size `s` emits.
+    /// H_s(ρ): share of a contribution with size coordinate ρ that the feathered light of size `s` emits,
+    /// in [0, 1].
     #[must_use]
     pub fn feather(&self, s: f64, rho: f32) -> f64 {
         let (i, t) = self.deposit(rho);

@@ -1,37 +1,38 @@
-//! A basis around one value of the background.
+//! A basis linearised around one value of the background.
 
 use rayon::prelude::*;
 
 use super::{Layout, Recombination, Tables, TransportBasis, ValueNodes, kernels};
 use crate::lighting::Lighting;
 
-/// What a basis is to the first order around one value of the background: light's polynomials are
-/// evaluated once, for the cells that are asked for, and not in every picture. Pictures of lightings
-/// of that value, and their derivatives there, are those of the basis to rounding.
+/// A basis to the first order around one value of the background: the polynomials in the value are
+/// evaluated once for each cell that is asked for, not for every picture. Pictures of lightings with
+/// that value, and their derivatives, equal those of the basis up to rounding.
 #[derive(Debug)]
 pub struct Linearised<'b> {
     of: &'b TransportBasis,
     value: f64,
     layout: Layout,
-    /// By cell and replicate: `[node][y][x]`; empty of cells that nobody asked for.
+    /// Value and value plus slope at every pixel, as `[cell][replicate]` of `[node][y][x]`; empty for
+    /// cells that were not asked for.
     cells: Vec<Vec<Vec<f32>>>,
 }
 
 impl<'b> Linearised<'b> {
-    /// Around `value`, without any cell yet.
+    /// The basis `of` around `value`, without any cell yet.
     #[must_use]
     pub fn new(of: &'b TransportBasis, value: f64) -> Self {
         let layout = Layout { nodes: ValueNodes::tangent(value), ..of.layout.clone() };
         Self { of, value, cells: vec![Vec::new(); layout.n_cells()], layout }
     }
 
-    /// The value.
+    /// Value of the background around which the basis is linearised.
     #[must_use]
     pub fn value(&self) -> f64 {
         self.value
     }
 
-    /// Makes what a lighting of its value needs.
+    /// Evaluates the cells that the picture of the lighting `x`, of this value, reads.
     pub fn prepare(&mut self, x: &Lighting) {
         let missing: Vec<usize> = Recombination::new(&self.layout, x)
             .cells(&self.layout)

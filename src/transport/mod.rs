@@ -14,18 +14,18 @@
 //! Replicates come from independent scrambles. Each has a table of luminance, for
 //! the objective; colour is kept as their mean. Tables hold prefix sums over the
 //! knots, layout `[y][cell][node][x]` (colour: `[y][cell][red or blue][node][x]`; green follows from
-//! the luminance), the cells
-//! of a light being its knots; a light whose size is not free has a single cell.
+//! the luminance). The cells of a light are its knots; a light whose size is not free has a single
+//! cell.
 
 mod film;
 mod kernels;
 pub mod knots;
+mod layout;
 mod linearised;
 pub mod nodes;
 mod recombine;
 pub mod store;
 
-use glam::UVec2;
 use rayon::prelude::*;
 
 use crate::{
@@ -34,152 +34,87 @@ use crate::{
     sampler::SamplerKind,
 };
 
-pub use film::BasisFilm;
+pub use film::{BasisFilm, splat_memory};
 pub use knots::Knots;
+use layout::COLOURS;
+pub use layout::{Layout, LightCells, SizeBins};
 pub use linearised::Linearised;
 pub use nodes::ValueNodes;
 pub use recombine::{LightingGradient, Recombination, Tables, Tangents};
 
-/// Channels in the table of colour: red and blue.
-const COLOURS: usize = 2;
-
-/// The cells of a light.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightCells {
-    /// The first of its cells.
-    pub first_cell: usize,
-    /// Knots of a free size.
-    pub knots: Option<Knots>,
-    /// The size when it is not free.
-    pub size: f32,
-}
-
-impl LightCells {
-    /// Number of its cells.
-    #[must_use]
-    pub fn n_cells(&self) -> usize {
-        self.knots.as_ref().map_or(1, Knots::len)
-    }
-}
-
-/// What a basis keeps apart.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// Film size, pixels.
-    pub size: UVec2,
-    /// The lights, in the scene's order.
-    pub lights: Vec<LightCells>,
-    /// Nodes of the background's value.
-    pub nodes: ValueNodes,
-}
-
-/// A light's size in a basis.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SizeBins {
-    /// Kept at a size.
-    Fixed(f32),
-    /// Free between the first and the last knot.
-    Free(Knots),
-}
-
-impl Layout {
-    /// A layout of a film for lights with these sizes.
-    #[must_use]
-    pub fn new(size: UVec2, sizes: Vec<SizeBins>, nodes: ValueNodes) -> Self {
-        let mut first_cell = 0;
-        let lights = sizes
-            .into_iter()
-            .map(|bins| {
-                let light = match bins {
-                    SizeBins::Fixed(size) => LightCells { first_cell, knots: None, size },
-                    SizeBins::Free(knots) => {
-                        let size = knots.sizes().last().copied().unwrap_or(0.0) as f32;
-                        LightCells { first_cell, knots: Some(knots), size }
-                    }
-                };
-                first_cell += light.n_cells();
-                light
-            })
-            .collect();
-        Self { size, lights, nodes }
-    }
-
-    /// Number of pixels.
-    #[must_use]
-    pub fn n_pixels(&self) -> usize {
-        self.size.element_product() as usize
-    }
-
-    /// Number of cells of all lights.
-    #[must_use]
-    pub fn n_cells(&self) -> usize {
-        self.lights.iter().map(LightCells::n_cells).sum()
-    }
-
-    /// Rows of a table: cells times value nodes.
-    #[must_use]
-    pub fn n_rows(&self) -> usize {
-        self.n_cells() * self.nodes.len()
-    }
-
-    /// Memory of a basis of `replicates` replicates, bytes: a table of luminance each and the
-    /// table of colour.
-    #[must_use]
-    pub fn table_memory(&self, replicates: usize) -> u64 {
-        self.table_bytes() * (replicates + COLOURS) as u64
-    }
-
-    /// Most memory, bytes, that light subpaths leave until the end of a render of `n_subpaths` of
-    /// them that may see the lens from `max_depth` vertices each.
-    #[must_use]
-    pub fn splat_memory(&self, n_subpaths: u64, max_depth: usize) -> u64 {
-        match self.nodes.len() {
-            1 => film::splat_bytes::<1>(n_subpaths, max_depth),
-            2..=8 => film::splat_bytes::<8>(n_subpaths, max_depth),
-            9..=16 => film::splat_bytes::<16>(n_subpaths, max_depth),
-            _ => film::splat_bytes::<32>(n_subpaths, max_depth),
-        }
-    }
-
-    /// Memory of a table of one number per pixel, cell and node.
-    fn table_bytes(&self) -> u64 {
-        (self.n_rows() * self.n_pixels() * size_of::<f32>()) as u64
-    }
-}
-
-/// A rendered basis.
+/// A rendered transport basis: for every pixel the light of each light source, by size knot and by
+/// node of the background's value, at unit radiance.
+///
+/// ```
+/// use lightopt_embree::{
+///     import,
+///     integrator::{Integrator, View},
+///     light::SizeDensity,
+///     lighting::{Lighting, SamplingPlan},
+///     sampler::SamplerKind,
+///     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+/// };
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let camera = scene.camera.resized((16, 12).into());
+/// let lighting = Lighting::authored(&scene);
+///
+/// // The lamp at any size between a tenth and the whole of its own; samples go to all of them.
+/// let range = [0.1, 1.0];
+/// let bins = SizeBins::Free(Knots::geometric(0.1, 1.0, 8));
+/// let layout = Layout::new(camera.size(), vec![bins], ValueNodes::new(1.0, 1));
+/// let plan = SamplingPlan {
+///     sizes: vec![SizeDensity::any_size(range)],
+///     ..SamplingPlan::uniform(&lighting)
+/// };
+///
+/// // Rendered once, in two replicates; then any lighting follows, without another ray.
+/// let mut basis = TransportBasis::new(layout, 2);
+/// let source = Source {
+///     view: View { scene: &scene, camera: &camera },
+///     plan: &plan,
+///     integrator: &Integrator::default(),
+///     sampler: SamplerKind::Sobol,
+///     seed: 0,
+/// };
+/// basis.render(source, 4, &())?;
+/// let bright = |x: &Lighting| basis.picture(x).rgb.iter().map(|c| c[1]).sum::<f32>();
+/// let small = Lighting { size: vec![0.5], ..lighting.clone() };
+/// assert!(0.0 < bright(&small) && bright(&small) < bright(&lighting));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct TransportBasis {
     layout: Layout,
-    /// By replicate: sums of luminance over the samples.
+    /// Sums of luminance over the samples, a table for each replicate.
     luminance: Vec<Vec<f32>>,
-    /// Sums of red and blue over the samples of all replicates.
+    /// Sums of red and blue over the samples of all replicates; empty without colour.
     colour: Vec<f32>,
-    /// Samples per pixel of each replicate in the tables, by their weights.
+    /// Samples per pixel of each replicate in the tables, counted with their weights.
     n_samples: u32,
-    /// Weight of the samples that follow.
+    /// Weight with which the next samples count; it doubles with every [`Self::fade`].
     weight: u32,
     /// Samples taken of the present sequence.
     taken: u32,
 }
 
-/// What fills a basis.
+/// Everything that a basis is rendered from.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
-    /// The scene and the camera.
+    /// Scene and camera.
     pub view: View<'a>,
-    /// Where samples go.
+    /// Sampling plan.
     pub plan: &'a SamplingPlan,
-    /// Light transport.
+    /// Integrator with its options.
     pub integrator: &'a Integrator,
-    /// Family of sequences.
+    /// Family of sample sequences.
     pub sampler: SamplerKind,
-    /// Seed of all replicates.
+    /// Seed of the scrambles of all replicates.
     pub seed: u64,
 }
 
 impl TransportBasis {
-    /// An empty basis.
+    /// A basis without samples.
     #[must_use]
     pub fn new(layout: Layout, replicates: usize) -> Self {
         let n = layout.n_rows() * layout.n_pixels();
@@ -190,7 +125,7 @@ impl TransportBasis {
         Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
 
-    /// What is kept apart.
+    /// Film size, cells and nodes of the tables.
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout
@@ -202,28 +137,26 @@ impl TransportBasis {
         self.luminance.len()
     }
 
-    /// Samples per pixel of each replicate, by their weights.
+    /// Samples per pixel of each replicate, counted with their weights.
     #[must_use]
     pub fn n_samples(&self) -> u32 {
         self.n_samples
     }
 
-    /// As many samples per pixel of all replicates as would tell as much, if all counted like those
-    /// that follow.
+    /// Samples per pixel of all replicates, in units of the weight of the next sample.
     #[must_use]
     pub fn effective_samples(&self) -> u32 {
         self.n_samples * self.n_replicates() as u32 / self.weight
     }
 
-    /// Lets the samples that follow count twice as much as those so far. They must come from another
-    /// seed; since both are unbiased, so is their mean.
+    /// Halves the weight of the samples so far relative to that of the next ones, which must come from
+    /// another seed. Both are unbiased, and so is their weighted mean.
     pub fn fade(&mut self) {
         self.weight *= 2;
         self.taken = 0;
     }
 
-    /// Adds `count` samples per pixel to every replicate, each continuing its own
-    /// sequence.
+    /// Adds `count` samples per pixel to every replicate, each continuing its own sequence.
     ///
     /// # Errors
     /// As [`Integrator::render`]; the basis is then of no use.
@@ -261,8 +194,8 @@ impl TransportBasis {
         Ok(())
     }
 
-    /// The same samples in two replicates, if there is an even number of them: every other
-    /// one together; without colour.
+    /// The same samples in two replicates, without colour: the sums of every other replicate. A basis
+    /// with an odd number of replicates keeps them all.
     #[must_use]
     pub fn halves(&self) -> Self {
         let n = self.n_replicates();
@@ -289,8 +222,8 @@ impl TransportBasis {
         }
     }
 
-    /// The basis of the picture reduced by averaging blocks of `factor` by `factor`
-    /// pixels, which divides its size; without colour.
+    /// The basis of the picture reduced by averaging blocks of `factor` × `factor` pixels, without
+    /// colour. Pixels that fill no block are left out.
     #[must_use]
     pub fn reduced(&self, factor: u32) -> Self {
         let size = self.layout.size / factor;
@@ -318,7 +251,7 @@ impl TransportBasis {
         Self { luminance, colour: Vec::new(), layout, ..*self }
     }
 
-    /// The part of a table of `channels` numbers a pixel, cell and node that belongs to a row of
+    /// The part of a table with `channels` numbers per pixel, cell and node that belongs to the row `y` of
     /// pixels.
     fn line<'t>(&self, table: &'t [f32], channels: usize, y: usize) -> &'t [f32] {
         let n = self.layout.n_rows() * channels * self.layout.size.x as usize;

@@ -7,12 +7,13 @@
 //! v_k = v_max (1 + cos(πk/(n−1)))/2, the Chebyshev points with both ends. Between
 //! the nodes Lagrange's formula is exact.
 
-/// The nodes at which light is carried; in a basis that is rendered the first is the largest value.
+/// Nodes of the background's value at which light is carried; in a rendered basis the first is the
+/// largest value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ValueNodes(Vec<f64>);
 
 impl ValueNodes {
-    /// `n` nodes on `[0, largest]`; one node is `largest` itself.
+    /// `n` Chebyshev nodes on `[0, largest]`, the largest first; a single node is `largest`.
     #[must_use]
     pub fn new(largest: f64, n: usize) -> Self {
         let node = |k: usize| match n {
@@ -22,7 +23,7 @@ impl ValueNodes {
         Self((0..n).map(node).collect())
     }
 
-    /// Two nodes that hold a tangent at `value`: the value there, and 1 further on.
+    /// Two nodes that represent a tangent at `value`: `value` and `value` + 1.
     #[must_use]
     pub(super) fn tangent(value: f64) -> Self {
         Self(vec![value, value + 1.0])
@@ -34,19 +35,19 @@ impl ValueNodes {
         self.0.len()
     }
 
-    /// Never: there is one node at least.
+    /// Whether there are no nodes, which is never so.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The nodes.
+    /// Values at the nodes.
     #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.0
     }
 
-    /// Lagrange's weights of the nodes for the value `v`, and their derivatives by v.
+    /// Lagrange weights of the nodes at the value `v`, and their derivatives by v.
     #[must_use]
     pub fn weights(&self, v: f64) -> (Vec<f64>, Vec<f64>) {
         let n = self.0.len();
@@ -64,8 +65,8 @@ impl ValueNodes {
         (value, slope)
     }
 
-    /// Coefficients of (v/v_max)^k, lowest first, of the polynomial with these
-    /// values at the nodes.
+    /// Coefficients of (v/v_max)^k, k ascending, of the polynomial with the values `values` at the
+    /// nodes.
     #[must_use]
     pub fn coefficients(&self, values: &[f64]) -> Vec<f64> {
         let largest = self.0[0];

@@ -1,51 +1,62 @@
-//! Images of a lighting from the basis, and their exact derivatives.
+//! Images of a lighting as sums over rows of the tables, and their exact derivatives.
 
 use rayon::prelude::*;
 
-use super::{COLOURS, Layout, TransportBasis, kernels};
+use super::{
+    TransportBasis, kernels,
+    layout::{COLOURS, Layout},
+};
 use crate::{film::Picture, lighting::Lighting, math::display::LUMINANCE_WEIGHTS};
 
-/// One row of the tables in an image, with the derivatives of its weight.
+/// Weight of one row of the tables in an image, with its derivatives.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
+    /// Row of the tables: cell times number of nodes plus node.
     row: usize,
+    /// Light to which the row belongs.
     light: usize,
+    /// Weight of the row.
     weight: f64,
+    /// Derivative of the weight by the light's radiance.
     by_radiance: f64,
+    /// Derivative of the weight by the light's size.
     by_size: f64,
+    /// Derivative of the weight by the background's value.
     by_value: f64,
 }
 
-/// An image as a sum over rows of the tables.
+/// The image of a lighting as a weighted sum over rows of the tables.
 #[derive(Clone, Debug)]
 pub struct Recombination {
-    /// By light, then by row.
+    /// Weights of the rows that are read, in the order of lights and rows.
     entries: Vec<Entry>,
+    /// Radiance of each light.
     radiance: Vec<f64>,
 }
 
-/// Derivatives of an image's luminance by everything that a lighting may vary.
+/// Derivatives of an image's luminance, pixel by pixel, by everything that a lighting may vary.
 #[derive(Clone, Debug, Default)]
 pub struct Tangents {
-    /// By each light's radiance and size.
+    /// Derivatives by the radiance and by the size of each light.
     lights: Vec<[Vec<f64>; 2]>,
-    /// By the background's value.
+    /// Derivatives by the background's value.
     value: Vec<f64>,
 }
 
-/// Derivatives of a number by everything that a lighting may vary.
+/// Gradient of a number by everything that a lighting may vary; vectors are by light, in the scene's
+/// order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightingGradient {
-    /// By each light's radiance.
+    /// Derivative by each light's radiance.
     pub radiance: Vec<f64>,
-    /// By each light's size; 0 where it is not free.
+    /// Derivative by each light's size; 0 for a size that is not free.
     pub size: Vec<f64>,
-    /// By the background's value; 0 where it is not free.
+    /// Derivative by the background's value; 0 if that is not free.
     pub value: f64,
 }
 
 impl LightingGradient {
-    /// Of a number that does not depend on `n` lights.
+    /// Gradient of a number that depends on nothing, for `n` lights.
     #[must_use]
     pub fn zero(n: usize) -> Self {
         Self { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0 }
@@ -53,7 +64,7 @@ impl LightingGradient {
 }
 
 impl Tangents {
-    /// Adds the derivatives of every Σ_p `adjoints[i][p]` · luminance(p) to `gradients[i]`.
+    /// Adds the gradient of Σ_p `adjoints[i][p]` · luminance(p) to `gradients[i]`, for every i.
     pub fn pull_back(&self, adjoints: &[&[f64]], gradients: &mut [LightingGradient]) {
         let mut sums = vec![0.0; adjoints.len()];
         let mut add = |tangent: &[f64], to: fn(&mut LightingGradient, usize) -> &mut f64, light: usize| {
@@ -70,7 +81,7 @@ impl Tangents {
 }
 
 impl Recombination {
-    /// The rows and weights of a lighting.
+    /// Rows and weights of the lighting `x`.
     ///
     /// # Panics
     /// When the lighting has another number of lights than the layout.
@@ -110,34 +121,34 @@ impl Recombination {
         Self { entries, radiance: x.radiance.clone() }
     }
 
-    /// The cells of `layout` that are read.
+    /// Cells of `layout` that are read.
     pub(super) fn cells(&self, layout: &Layout) -> impl Iterator<Item = usize> {
         let n_nodes = layout.nodes.len();
         self.entries.iter().step_by(n_nodes).map(move |e| e.row / n_nodes)
     }
 }
 
-/// Tables from which images are recombined.
+/// Tables of luminance from which images are recombined.
 pub trait Tables: Sync {
-    /// What is kept apart.
+    /// Film size, cells and nodes of the tables.
     fn layout(&self) -> &Layout;
 
     /// Number of replicates.
     fn n_replicates(&self) -> usize;
 
-    /// Samples per pixel of each replicate, by their weights.
+    /// Samples per pixel of each replicate, counted with their weights.
     fn n_samples(&self) -> u32;
 
-    /// Sums of luminance of a replicate in a cell and node, `row`, along a row `y` of pixels.
+    /// Sums of luminance of a replicate along the row `y` of pixels, in the cell and at the node of `row`.
     fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32];
 
-    /// Linear luminance of a replicate, into `out`.
+    /// Writes the linear luminance of a replicate, pixel by pixel, to `out`.
     fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
         self.luminances(replicate, &[r], &mut [out]);
     }
 
-    /// As [`Self::luminance`] for several lightings: those alike read the same rows, which are
-    /// then fetched from memory once.
+    /// Writes the linear luminance of a replicate under several lightings to `out`. Similar lightings
+    /// read the same rows, which are then fetched from memory once.
     fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
         let weighted: Vec<(Vec<usize>, Vec<f64>)> = lightings
@@ -158,7 +169,7 @@ pub trait Tables: Sync {
         }
     }
 
-    /// Linear luminance of a replicate and its derivatives, into `out` and `tangents`.
+    /// Writes the linear luminance of a replicate to `out` and its derivatives to `tangents`.
     fn differentiate(&self, replicate: usize, r: &Recombination, out: &mut [f64], tangents: &mut Tangents) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
         let width = self.layout().size.x as usize;
@@ -213,7 +224,7 @@ impl TransportBasis {
         self.layout.size.x as usize
     }
 
-    /// The share of each light in the mean luminance of a lighting; all 0 in the dark.
+    /// Share of each light in the mean luminance of the picture of a lighting; all 0 for a black picture.
     #[must_use]
     pub fn shares(&self, x: &Lighting) -> Vec<f64> {
         let r = Recombination::new(&self.layout, x);
@@ -229,7 +240,7 @@ impl TransportBasis {
         sums.into_iter().map(|s| if total > 0.0 { s / total } else { 0.0 }).collect()
     }
 
-    /// The picture of a lighting: mean over the replicates, with each light's share.
+    /// The picture of a lighting, the mean over the replicates, with the part that is due to each light.
     #[must_use]
     pub fn picture(&self, x: &Lighting) -> Picture {
         let layout = self.layout();

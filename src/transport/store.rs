@@ -1,10 +1,10 @@
-//! A basis on disk.
+//! Stored bases: the file format, writing and reading.
 //!
 //! A file holds, little-endian: the magic `LIGHTOPTBASIS`, a version byte, the
 //! length of a JSON header (u64) and the header, then the tables (f32): luminance
-//! by replicate, colour; at the end a hash (u64) of all that. The header says what
-//! the tables are; its `about` belongs to whoever wrote the file. Nothing that a header
-//! announces is believed before the file is known to be as long.
+//! by replicate, colour; at the end a hash (u64) of all that. The header describes the tables; its
+//! `about` is the writer's. No memory is taken for what a header announces before the file is known
+//! to be as long.
 
 use std::{
     fs::File,
@@ -16,12 +16,13 @@ use glam::UVec2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{COLOURS, Knots, Layout, SizeBins, TransportBasis, ValueNodes};
+use super::{Knots, Layout, SizeBins, TransportBasis, ValueNodes, layout::COLOURS};
 use crate::{
     files::{atomic::AtomicWriteError, write_atomically},
     math::hash::hash_words,
 };
 
+/// First bytes of a file.
 const MAGIC: &[u8; 13] = b"LIGHTOPTBASIS";
 /// Version of the format and of what the tables mean.
 pub const VERSION: u8 = 4;
@@ -44,30 +45,32 @@ pub enum StoreError {
     Write(#[from] AtomicWriteError),
 }
 
-/// Longest header that is read, bytes: names, variables and the mask of a large picture take less.
+/// Upper bound of the length of a header, bytes, against damaged files: names, variables and the mask
+/// of a large picture take less.
 const MAX_HEADER: u64 = 64 << 20;
-/// Most value nodes that a file may announce; a picture has one an edge of its light paths.
+/// Upper bound of the number of value nodes of a file, against damaged files: a basis has one for each
+/// edge of its longest paths, of which there are 32 at most.
 const MAX_NODES: usize = 64;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
-    /// What the writer says about the basis.
+    /// Description of the scene, for whoever wrote the file.
     about: Value,
-    /// Largest value of the background.
+    /// Value of the background at the first node.
     largest_value: f64,
-    /// Nodes of the background's value.
+    /// Number of nodes of the background's value.
     n_nodes: usize,
-    /// See [`TransportBasis`].
+    /// Samples per pixel of each replicate, counted with their weights.
     n_samples: u32,
-    /// Number of tables of luminance.
+    /// Number of replicates, each with a table of luminance.
     replicates: usize,
     /// Film size, pixels.
     size: [u32; 2],
-    /// Sizes per light.
+    /// Sizes of each light.
     sizes: Vec<Size>,
     /// Samples taken of the present sequence.
     taken: u32,
-    /// Weight of the samples that follow.
+    /// Weight with which the next samples count.
     weight: u32,
 }
 
@@ -120,10 +123,10 @@ impl TransportBasis {
         })
     }
 
-    /// Reads a basis and what was said about it.
+    /// Reads a basis, and the description that was stored with it.
     ///
     /// # Errors
-    /// When the file is not a whole basis of this version.
+    /// When the file cannot be read, or is not a whole basis of this version.
     pub fn load(path: &Path) -> Result<(Self, Value), StoreError> {
         let unreadable = |source| StoreError::Read { path: path.into(), source };
         let file = File::open(path).map_err(unreadable)?;
@@ -142,7 +145,7 @@ impl TransportBasis {
     }
 }
 
-/// Why a file is no basis.
+/// Reason why a file is no basis.
 enum Unread {
     Magic,
     Version(u8),
@@ -156,7 +159,7 @@ impl From<io::Error> for Unread {
     }
 }
 
-/// Reads a basis from a file of `length` bytes.
+/// Reads a basis, with the description stored with it, from a file of `length` bytes.
 fn read(reader: &mut Hashing<impl Read>, length: u64) -> Result<(TransportBasis, Value), Unread> {
     let magic = reader.array::<13>().map_err(|_| Unread::Magic)?;
     if magic != *MAGIC {
@@ -184,8 +187,8 @@ fn read(reader: &mut Hashing<impl Read>, length: u64) -> Result<(TransportBasis,
     Ok((TransportBasis { layout, luminance, colour, n_samples, weight, taken }, about))
 }
 
-/// The layout of a header whose numbers make sense and whose tables and hash are `rest` bytes long,
-/// with the length of a table of luminance.
+/// Layout that a header describes, and the length of a table of luminance; `None` if its numbers are
+/// senseless, or if tables and hash are not `rest` bytes long.
 fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
     let is_sound = |size: &Size| match size {
         Size::Fixed(size) => size.is_finite(),
@@ -223,10 +226,11 @@ fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
     (layout.nodes.len() == header.n_nodes).then_some((layout, usize::try_from(n).ok()?))
 }
 
-/// Numbers written or read at a time.
+/// Numbers that are written or read at a time: a part of 256 KiB, far from the size of a table, so that
+/// no second copy of one is held.
 const CHUNK: usize = 1 << 16;
 
-/// A file that is written, and the hash of what was.
+/// A file to which bytes are written, with their hash.
 struct Hashed<'a, W> {
     file: &'a mut W,
     hash: u64,
@@ -239,7 +243,7 @@ impl<W: Write> Hashed<'_, W> {
     }
 }
 
-/// A file that is read in the parts in which it was written, and the hash of what was.
+/// A file that is read in the parts in which it was written, with the hash of what was read.
 struct Hashing<R> {
     file: R,
     hash: u64,
@@ -260,7 +264,7 @@ impl<R: Read> Hashing<R> {
         Ok(bytes)
     }
 
-    /// A table of `n` numbers, which the file is known to hold.
+    /// Reads a table of `n` numbers, which the file is known to hold.
     fn table(&mut self, n: usize) -> io::Result<Vec<f32>> {
         let mut table = Vec::with_capacity(n);
         let mut buffer = vec![0; 4 * CHUNK.min(n)];

@@ -1,13 +1,15 @@
-//! Value of the background's materials.
+//! The value of the background's materials as a variable.
 
-use super::{BasisRanges, Fitted, Kind, MatchedStart, Owner, Range, Scale, Survey, Variable, Wishes};
+use super::{BasisRanges, Kind, Limits, MatchedStart, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// A picture is a polynomial in it: the value nodes of a transport basis hold all values.
+/// Value of the background, in which pictures are polynomials: the nodes of a transport basis hold all
+/// values.
 #[derive(Debug)]
 pub(super) struct Background;
 
 impl Background {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "background";
 }
 
@@ -28,8 +30,8 @@ impl Kind for Background {
         "value"
     }
 
-    fn range(&self, survey: &Survey, _light: usize) -> Option<Range> {
-        let [lower, upper] = survey.fitted.value_range.filter(|_| survey.free.contains(Self::KEYWORD))?;
+    fn range(&self, scene: &SurveyedScene, _light: usize) -> Option<Range> {
+        let [lower, upper] = scene.limits.value?;
         Some(Range {
             unit: "1",
             lower: f64::from(lower),
@@ -47,20 +49,20 @@ impl Kind for Background {
         gradient.value
     }
 
-    fn open(&self, fitted: &Fitted, _wishes: &Wishes, ranges: &mut BasisRanges) {
-        ranges.largest_value = fitted.value_range.map(|[_, largest]| largest);
+    fn open(&self, limits: Limits, _light: usize, ranges: &mut BasisRanges) {
+        let varies = limits.value.filter(|[least, largest]| least < largest);
+        ranges.largest_value = varies.map(|[_, largest]| largest);
     }
 
-    fn matched_start(&self, v: &Variable, start: &MatchedStart) -> f64 {
-        start.value * v.initial
+    fn matched_start(&self, range: &Range, _light: usize, start: &MatchedStart) -> f64 {
+        start.value * range.initial
     }
 
-    fn advice_for_darkness(&self, v: &Variable, value: f64) -> Option<String> {
-        (value <= v.lower * 1.01).then(|| {
+    fn advice_for_darkness(&self, name: &str, range: &Range, value: f64) -> Option<String> {
+        (value <= range.lower * 1.01).then(|| {
             format!(
-                "the background is as dark as it may be ({} = {value:.3}): allow less, or keep a light off it by \
-                 moving or narrowing it",
-                v.name
+                "the background is as dark as it may be ({name} = {value:.3}): allow less, or keep a light off it by \
+                 moving or narrowing it"
             )
         })
     }

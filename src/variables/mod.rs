@@ -1,5 +1,4 @@
-//! The free variables: their names, units, bounds, scales and starts, and what each does to a
-//! lighting.
+//! Free variables: their names, units, bounds, scales and starts, and their effect on a lighting.
 //!
 //! A kind of variable is one file that implements [`Kind`] and one line in [`KINDS`]; everything
 //! that deals with variables, from `--free` to the gradient, asks the kind. The optimiser works on
@@ -7,14 +6,18 @@
 
 mod background;
 pub mod bounds;
+mod constraints;
 mod kind;
 mod radiance;
+mod range;
 mod size;
 pub mod survey;
+mod table;
 mod variable;
-mod wishes;
 
-pub use kind::{BasisRanges, KEYWORDS, KINDS, Kind, MatchedStart, Owner, VariableKind};
-pub use survey::{Fitted, SizeBounds, Survey, SurveyError};
-pub use variable::{ParamVector, Range, Scale, Variable};
-pub use wishes::{FreeKinds, LightWishes, Wishes};
+pub use constraints::{Constraints, FreeKinds, LightConstraints};
+pub use kind::{BasisRanges, Kind, Limits, MatchedStart, Owner, SizeBounds, SurveyedScene, VariableKind};
+pub use range::{Range, Scale};
+pub use survey::{Fitted, Survey, SurveyError};
+pub use table::KINDS;
+pub use variable::{ParamVector, Variable};

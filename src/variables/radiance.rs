@@ -1,13 +1,19 @@
-//! Radiance of a light.
+//! The radiance of a light as a variable.
 
-use super::{Kind, MatchedStart, Owner, Range, Scale, Survey, Variable, survey::HEADROOM};
+use super::{Kind, MatchedStart, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// A picture is linear in it.
+/// Upper bound of the radiance over that at which the light alone shows what it lights at
+/// [`BRIGHT`](super::survey::BRIGHT). More headroom lets a light be brighter than a picture of it alone
+/// needs, as where it shines into shadows only, and makes steps of the scale coarser.
+const HEADROOM: f64 = 4.0;
+
+/// Radiance of a light, in which pictures are linear.
 #[derive(Debug)]
 pub(super) struct Radiance;
 
 impl Radiance {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "radiance";
 }
 
@@ -28,17 +34,13 @@ impl Kind for Radiance {
         "radiance"
     }
 
-    fn range(&self, survey: &Survey, light: usize) -> Option<Range> {
-        if !survey.is_free(self, light) {
-            return None;
-        }
-        let wanted = survey.wishes.lights[light].radiance_max;
-        let upper = wanted.map_or(HEADROOM * survey.bright[light], f64::from);
+    fn range(&self, scene: &SurveyedScene, light: usize) -> Option<Range> {
+        let upper = scene.radiance_max[light].map_or(HEADROOM * scene.bright[light], f64::from);
         Some(Range {
-            unit: survey.scene.lights[light].unit(),
+            unit: scene.units[light],
             lower: 0.0,
             upper,
-            initial: survey.neutral_radiance(light).min(upper),
+            initial: scene.neutral[light].min(upper),
             scale: Scale::Perceptual,
         })
     }
@@ -51,8 +53,8 @@ impl Kind for Radiance {
         gradient.radiance[light]
     }
 
-    fn matched_start(&self, v: &Variable, start: &MatchedStart) -> f64 {
-        if start.lit.contains(&v.light) { start.radiance[v.light] } else { 0.0 }
+    fn matched_start(&self, _range: &Range, light: usize, start: &MatchedStart) -> f64 {
+        if start.lit.contains(&light) { start.radiance[light] } else { 0.0 }
     }
 
     fn flux_power(&self) -> Option<i32> {

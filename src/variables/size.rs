@@ -1,13 +1,15 @@
-//! Size of a light.
+//! The size of a light as a variable.
 
-use super::{BasisRanges, Fitted, Kind, Owner, Range, Scale, Survey, Variable, Wishes};
+use super::{BasisRanges, Kind, Limits, Owner, Range, Scale, SurveyedScene};
 use crate::{lighting::Lighting, transport::LightingGradient};
 
-/// A picture is an indicator in it: the knots of a transport basis hold all sizes.
+/// Size of a light, in which the light's contributions are indicators: the knots of a transport basis
+/// hold all sizes.
 #[derive(Debug)]
 pub(super) struct Size;
 
 impl Size {
+    /// Word for the kind in `free` of a sidecar and after `--free`.
     pub const KEYWORD: &str = "size";
 }
 
@@ -28,13 +30,13 @@ impl Kind for Size {
         "size"
     }
 
-    fn range(&self, survey: &Survey, light: usize) -> Option<Range> {
-        let [lower, upper] = survey.fitted.sizes[light].filter(|_| survey.is_free(self, light))?;
+    fn range(&self, scene: &SurveyedScene, light: usize) -> Option<Range> {
+        let [lower, upper] = scene.limits.sizes[light]?;
         Some(Range {
             unit: "1",
             lower: f64::from(lower),
             upper: f64::from(upper),
-            initial: survey.fitted.lighting.size[light],
+            initial: scene.sizes[light],
             scale: Scale::Logarithmic,
         })
     }
@@ -47,10 +49,8 @@ impl Kind for Size {
         gradient.size[light]
     }
 
-    fn open(&self, fitted: &Fitted, wishes: &Wishes, ranges: &mut BasisRanges) {
-        for ((range, &fitted), light) in ranges.sizes.iter_mut().zip(&fitted.sizes).zip(&wishes.lights) {
-            *range = fitted.filter(|_| light.free.contains(Self::KEYWORD));
-        }
+    fn open(&self, limits: Limits, light: usize, ranges: &mut BasisRanges) {
+        ranges.sizes[light] = limits.sizes[light].filter(|[least, most]| least < most);
     }
 
     fn flux_power(&self) -> Option<i32> {
@@ -61,7 +61,7 @@ impl Kind for Size {
         true
     }
 
-    fn least_sampled(&self, v: &Variable, least_sizes: &[f64]) -> f64 {
-        least_sizes.get(v.light).map_or(v.lower, |&size| size)
+    fn least_sampled(&self, range: &Range, light: usize, least_sizes: &[f64]) -> f64 {
+        least_sizes.get(light).map_or(range.lower, |&size| size)
     }
 }

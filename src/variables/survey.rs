@@ -1,10 +1,11 @@
-//! The pre-computation step: bounds and start of the free variables by stated
-//! formulas, from the geometry and from one render of each light alone.
+//! Survey of a scene: bounds and starts of the free variables by stated formulas, from the geometry and
+//! from one render of each light alone (the pre-computation step of \[PG14\]).
 //!
-//! * sizes: [`super::bounds`], narrowed by the sidecar's `size_range`;
+//! * sizes: [`super::bounds`], widened to a light's own size if that is smaller, narrowed by the
+//!   sidecar's `size_range`;
 //! * background: `v ≥ 0.05`, and `v·albedo ≤ 0.95` for every background
 //!   material (never above [`MAX_VALUE`]), or the sidecar's `value_range`;
-//! * `L_max`: [`HEADROOM`] times the radiance at which the light alone, at its
+//! * `L_max`: `HEADROOM` = 4 times the radiance at which the light alone, at its
 //!   initial size, shows what it lights at [`BRIGHT`]: the mean of display
 //!   luminance, each pixel weighted by the luminance it receives;
 //! * neutral start: every light contributes the same mean luminance, and
@@ -16,7 +17,8 @@
 use rayon::prelude::*;
 
 use super::{
-    FreeKinds, Kind, MatchedStart, Owner, ParamVector, Range, Variable, VariableKind, Wishes, bounds,
+    BasisRanges, Constraints, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds,
+    SurveyedScene, Variable, VariableKind, bounds,
 };
 use crate::{
     film::Picture,
@@ -26,30 +28,34 @@ use crate::{
     scene::Scene,
 };
 
-/// Display luminance of what a light lights when it is taken to be white.
+/// Display luminance at which what a light lights is taken to be white: a mean of 1 would need pixels
+/// that all clip.
 pub const BRIGHT: f64 = 0.9;
-/// `L_max` over the radiance that reaches [`BRIGHT`].
-pub const HEADROOM: f64 = 4.0;
-/// Mean display luminance of the start.
+/// Mean display luminance at the neutral start: between the means that high-key and low-key ask for, so
+/// that neither look begins far away. Set by reasoning.
 pub const START: f64 = 0.35;
-/// Distance of a matched start from every bound, in the optimiser's units: a
-/// search that begins on a bound is slow to leave it.
+/// Distance of a matched start from every bound, in the optimiser's units: a search that begins on a
+/// bound is slow to leave it; the farther from it, the less the start is matched.
 pub const OFF_BOUND: f64 = 0.04;
-/// Least value factor of the background.
+/// Lower bound of the background's value: under its key light alone it gives the fruit basket a
+/// background of mean .085 behind an object of mean .54, about as black as paper gets.
 pub const MIN_VALUE: f32 = 0.05;
-/// Largest albedo that a value factor may give a background material.
+/// Upper bound of the albedo of a background material after the value is applied: above it light would
+/// bounce so often that pictures are slow and noisy, and at 1 it would not decay at all.
 pub const MAX_ALBEDO: f32 = 0.95;
-/// Largest value factor of the background.
+/// Upper bound of the background's value: dark materials, which could otherwise become white, get two
+/// stops brighter at most. Set by reasoning.
 pub const MAX_VALUE: f32 = 4.0;
 
-/// Largest size at which a light is taken to touch a surface: of a lamp that is a metre wide a tenth
-/// of a millimetre is left.
+/// Size up to which a light is taken to touch a surface: for a lamp of half-extent 1 m a tenth of a
+/// millimetre is left, which is no lamp any more.
 const MIN_SIZE: f32 = 1e-4;
 
-/// Halvings of the exponent's range in which a gain is sought: to a millionth of it.
+/// Halvings of the range 2⁻⁶⁰ to 2⁶⁰ of the exponent in which a gain is sought: 120/2²⁷ of a stop, a
+/// relative error of 6·10⁻⁷ of the gain.
 const BISECTIONS: u32 = 27;
 
-/// A scene leaves nothing to optimise.
+/// The variables of a scene cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum SurveyError {
@@ -63,37 +69,38 @@ pub enum SurveyError {
     NoRoom { light: String, distance: f32 },
 }
 
-/// Least and largest size of a light; `None` without size.
-pub type SizeBounds = Option<[f32; 2]>;
-
-/// A scene's lighting brought within the bounds that its geometry sets.
+/// A scene's lighting, brought within the bounds that its geometry and materials set.
 #[derive(Clone, Debug)]
 pub struct Fitted {
-    /// The author's lighting with every size within its bounds, and the background at value 1 or
-    /// the largest that it may take.
+    /// The author's lighting with every size within its bounds, and the background's value at 1, or at its
+    /// upper bound where that is smaller or the only value.
     pub lighting: Lighting,
-    /// Least and largest size per light; `None` for a light without size.
+    /// Least and largest size of each light; `None` for a light without size.
     pub sizes: Vec<SizeBounds>,
     /// Least and largest value of the background; `None` without background.
     pub value_range: Option<[f32; 2]>,
-    /// What had to change, in words.
+    /// Sentences about changes to the author's sizes, for the user.
     pub notes: Vec<String>,
 }
 
 impl Fitted {
-    /// Clears room for every light, narrowing its size to what the geometry and a camera allow.
+    /// Brings the size of every light within the bounds that the geometry, the camera of the view and the
+    /// scene's author set.
     ///
     /// # Errors
-    /// When there are no lights, or one touches a surface at any size.
-    pub fn new(view: View, authored: &Lighting, wishes: &Wishes) -> Result<Self, SurveyError> {
+    /// When there are no lights, or a light touches a surface at any size.
+    pub fn new(view: View, authored: &Lighting, constraints: &Constraints) -> Result<Self, SurveyError> {
         let scene = view.scene;
         if scene.lights.is_empty() {
             return Err(SurveyError::NoLights);
         }
         let found: Vec<SizeBounds> =
             scene.lights.par_iter().map(|light| bounds::size_range(view, light)).collect();
-        let value_range = value_range(scene, wishes.value_range);
-        let value = value_range.map_or(1.0, |[_, largest]| 1.0_f32.min(largest));
+        let value_range = value_range(scene, constraints.value_range);
+        let value = value_range.map_or(1.0, |[least, largest]| match least < largest {
+            true => 1.0_f32.min(largest),
+            false => largest,
+        });
         let mut fitted = Self {
             lighting: Lighting { value: f64::from(value), ..authored.clone() },
             sizes: Vec::new(),
@@ -101,13 +108,14 @@ impl Fitted {
             notes: Vec::new(),
         };
         for (i, found) in found.into_iter().enumerate() {
-            let range = found.map(|found| fitted.fit_size(scene, i, found, wishes.lights[i].size_range));
+            let range = found.map(|found| fitted.fit_size(scene, i, found, constraints.lights[i].size_range));
             fitted.sizes.push(range.transpose()?);
         }
         Ok(fitted)
     }
 
-    /// Brings the size of light `i` within what the geometry allows (`found`) and the author wants.
+    /// Brings the size of light `i` within the bounds [lo, hi] of the geometry and those that the author
+    /// wants, and returns the bounds of both.
     fn fit_size(
         &mut self,
         scene: &Scene,
@@ -120,8 +128,10 @@ impl Fitted {
             let extent = scene.lights[i].resizable().map_or(1.0, |shape| shape.outline().extent());
             return Err(SurveyError::NoRoom { light: name.clone(), distance: hi * extent });
         }
+        let before = self.lighting.size[i] as f32;
         let range = match wanted {
-            None => [lo, hi],
+            // A lamp that is small on purpose may stay so.
+            None => [lo.min(before), hi],
             Some([a, b]) if b <= hi => [a, b],
             Some([a, b]) => {
                 self.notes.push(format!(
@@ -130,7 +140,6 @@ impl Fitted {
                 [a.min(hi), hi]
             }
         };
-        let before = self.lighting.size[i] as f32;
         let size = before.clamp(range[0], range[1]);
         if size != before {
             self.notes.push(format!("light `{name}`: size {before} set to {size:.3}"));
@@ -139,15 +148,55 @@ impl Fitted {
         Ok(range)
     }
 
-    /// Largest value of the background; 1 without background.
+    /// Bounds that geometry and materials set on the variables.
+    fn limits(&self) -> Limits<'_> {
+        Limits { sizes: &self.sizes, value: self.value_range }
+    }
+
+    /// Ranges that a transport basis must hold, so that every variable that is `free` in a run and for the
+    /// scene's author may take all of its values.
+    #[must_use]
+    pub fn basis_ranges(&self, constraints: &Constraints, free: &FreeKinds) -> BasisRanges {
+        let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
+        for kind in VariableKind::all() {
+            for light in
+                owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, constraints, free))
+            {
+                kind.open(self.limits(), light, &mut ranges);
+            }
+        }
+        ranges
+    }
+
+    /// Upper bound of the background's value; 1 without background.
     #[must_use]
     pub fn largest_value(&self) -> f32 {
         self.value_range.map_or(1.0, |[_, largest]| largest)
     }
 }
 
-/// Bounds of the background's value factor, those that are `wanted` or else by the formulas of this
-/// module; `None` without background.
+/// Indices of the lights that may have a variable of a kind, of `n` of them; 0 where the scene has
+/// it.
+fn owners(kind: VariableKind, n: usize) -> std::ops::Range<usize> {
+    match kind.owner() {
+        Owner::Light => 0..n,
+        Owner::Scene(_) => 0..1,
+    }
+}
+
+/// Whether the variable of a kind that a light has, or the scene, is `free` in a run and in the
+/// constraints of the scene's author.
+fn is_free(kind: VariableKind, light: usize, constraints: &Constraints, free: &FreeKinds) -> bool {
+    let keyword = kind.keyword();
+    free.contains(keyword)
+        && match kind.owner() {
+            Owner::Light => constraints.lights[light].free.contains(keyword),
+            Owner::Scene(_) => true,
+        }
+}
+
+/// Bounds of the background's value: those that are `wanted`, else by the formulas of this module;
+/// `None` without background.
 fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
     let brightest = scene.background_albedo();
     if brightest <= 0.0 {
@@ -160,8 +209,8 @@ fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
     })
 }
 
-/// The gain at which the mean display luminance of `y`, weighted by `weight`
-/// of each value, is `target`; by bisection in the exponent.
+/// Gain at which the mean display luminance of the linear luminances `y`, each weighted by `weight` of
+/// it, is `target`; by bisection in the exponent.
 #[must_use]
 pub fn gain_for(
     y: &[f64],
@@ -189,36 +238,36 @@ pub fn gain_for(
     hi.exp2()
 }
 
-/// How bright the picture of each light alone is, from which bounds and starts follow.
+/// Brightness of the picture of each light alone, from which bounds and starts follow.
 #[derive(Clone, Debug)]
 pub struct Survey<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its lighting within bounds.
+    /// Lighting of the scene within its bounds.
     pub fitted: &'a Fitted,
-    /// What the scene's author wishes.
-    pub wishes: &'a Wishes,
-    /// What may vary in this run.
+    /// Constraints that the scene's author sets.
+    pub constraints: &'a Constraints,
+    /// Kinds of variables that are free in the run.
     pub free: &'a FreeKinds,
     /// Measure of luminance.
     pub luminance: LuminanceMode,
-    /// Linear luminance per light and pixel at radiance 1.
+    /// Linear luminance of the picture of each light alone at radiance 1, pixel by pixel.
     images: Vec<Vec<f64>>,
-    /// Mean of `images` per light.
+    /// Mean linear luminance of the picture of each light alone at radiance 1.
     pub means: Vec<f64>,
-    /// Radiance per light at which it shows what it lights at [`BRIGHT`].
+    /// Radiance of each light at which it alone shows what it lights at [`BRIGHT`].
     pub bright: Vec<f64>,
-    /// Radiance of light l in the neutral start, times its mean.
+    /// Mean linear luminance that every light contributes at the neutral start.
     gain: f64,
 }
 
 impl<'a> Survey<'a> {
-    /// Looks at `unit`, a render with every light at radiance 1 and its fitted size.
+    /// Survey of the picture `unit`, a render with every light at radiance 1 and its fitted size.
     #[must_use]
     pub fn new(
         scene: &'a Scene,
         fitted: &'a Fitted,
-        wishes: &'a Wishes,
+        constraints: &'a Constraints,
         free: &'a FreeKinds,
         luminance: LuminanceMode,
         unit: &Picture,
@@ -233,57 +282,63 @@ impl<'a> Survey<'a> {
         let gain = gain_for(&alike, |_| 1.0, START, exposure, luminance);
         let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, luminance));
         let bright = bright.collect();
-        Self { scene, fitted, wishes, free, luminance, images, means, bright, gain }
+        Self { scene, fitted, constraints, free, luminance, images, means, bright, gain }
     }
 
-    /// Whether a kind of variable is free for a light, both in this run and in the author's wishes.
-    #[must_use]
-    pub fn is_free(&self, kind: &dyn Kind, light: usize) -> bool {
-        self.free.contains(kind.keyword()) && self.wishes.lights[light].free.contains(kind.keyword())
+    /// Results from which the ranges of the variables follow.
+    fn surveyed(&self) -> SurveyedScene<'_> {
+        SurveyedScene {
+            limits: self.fitted.limits(),
+            sizes: &self.fitted.lighting.size,
+            units: self.scene.lights.iter().map(|light| light.unit()).collect(),
+            radiance_max: self.constraints.lights.iter().map(|light| light.radiance_max).collect(),
+            bright: &self.bright,
+            neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
+        }
     }
 
-    /// Radiance of a light in the neutral start.
-    #[must_use]
-    pub fn neutral_radiance(&self, light: usize) -> f64 {
-        self.gain / self.means[light]
-    }
-
-    /// The variable of a kind that a light has, or the scene.
-    fn variable(&self, kind: VariableKind, light: usize) -> Option<Variable> {
-        let Range { unit, lower, upper, initial, scale } = kind.range(self, light)?;
+    /// Variable of a kind that a light, or the scene, has; `None` if it is not free.
+    fn variable(&self, scene: &SurveyedScene, kind: VariableKind, light: usize) -> Option<Variable> {
+        if !is_free(kind, light, self.constraints, self.free) {
+            return None;
+        }
+        // Where both bounds are the same nothing is free.
+        let range = kind.range(scene, light).filter(|range| range.lower < range.upper)?;
+        let Range { unit, lower, upper, initial, scale } = range;
         let name = kind.variable_name(&self.scene.lights[light].name);
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
     }
 
-    /// The variables of a run.
+    /// Free variables of the run.
     ///
     /// # Errors
-    /// When a light of the sidecar, or every light, reaches no pixel, or nothing is free.
+    /// When a light of the sidecar, or every light, lights no pixel, or nothing is free.
     pub fn variables(&self) -> Result<ParamVector, SurveyError> {
-        let Self { scene, means, wishes, .. } = self;
+        let Self { scene, means, constraints, .. } = self;
         // One that the scene file happens to have is left as it is, unless there is no other.
-        let is_needed = |i: usize| !wishes.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
+        let is_needed = |i: usize| !constraints.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
         if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
             return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
         }
+        let surveyed = self.surveyed();
         let mut variables = Vec::new();
         for light in (0..means.len()).filter(|&l| means[l] > 0.0) {
             let of_light = VariableKind::all().filter(|kind| kind.owner() == Owner::Light);
-            variables.extend(of_light.filter_map(|kind| self.variable(kind, light)));
+            variables.extend(of_light.filter_map(|kind| self.variable(&surveyed, kind, light)));
         }
         let of_scene = VariableKind::all().filter(|kind| kind.owner() != Owner::Light);
-        variables.extend(of_scene.filter_map(|kind| self.variable(kind, 0)));
+        variables.extend(of_scene.filter_map(|kind| self.variable(&surveyed, kind, 0)));
         if variables.is_empty() {
             return Err(SurveyError::NothingFree);
         }
         Ok(ParamVector { variables })
     }
 
-    /// Where a search may begin, in the optimiser's units, each with a name: the
-    /// neutral start first, then the matched ones.
+    /// Starts of a search, as points of the unit cube with their names: the neutral start first, then
+    /// those matched to a target.
     ///
-    /// * `mask`: the main object, over the pixels of the render surveyed
-    /// * `t_object`, `t_background`: target means of display luminance
+    /// * `mask`: main object, over the pixels of the render surveyed
+    /// * `targets`: mean display luminance wanted of the object and of the background
     #[must_use]
     pub fn starts(
         &self,
@@ -298,15 +353,13 @@ impl<'a> Survey<'a> {
         let first = ("all lights alike".to_owned(), variables.start());
         let matched = matched.into_par_iter().map(|(name, lit)| {
             let start = self.matched(&lit, mask, targets);
-            let at =
-                |v: &Variable| v.encode(v.kind.matched_start(v, &start)).clamp(OFF_BOUND, 1.0 - OFF_BOUND);
+            let at = |v: &Variable| v.encode(v.matched_start(&start)).clamp(OFF_BOUND, 1.0 - OFF_BOUND);
             (name, variables.variables.iter().map(at).collect())
         });
         std::iter::once(first).chain(matched.collect::<Vec<_>>()).collect()
     }
 
-    /// The start at which the lights `lit`, contributing alike, give the object of `mask` its
-    /// target mean.
+    /// Start at which the lights `lit`, contributing alike, give the object of `mask` its target mean.
     fn matched<'l>(
         &self,
         lit: &'l [usize],

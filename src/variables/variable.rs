@@ -1,41 +1,13 @@
-//! A free variable, and all of a run.
+//! Free variables of a run, and their map from the unit cube to a lighting.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use super::VariableKind;
+use super::{MatchedStart, Range, Scale, VariableKind};
 use crate::{
     lighting::Lighting,
     math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
     transport::LightingGradient,
 };
-
-/// How `u ∈ [0, 1]` maps to a value between the bounds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Scale {
-    /// Proportional.
-    Linear,
-    /// In equal ratios: `lower·(upper/lower)^u`, for a positive lower bound.
-    Logarithmic,
-    /// By the sRGB transfer function: even steps look even, and the slope at
-    /// the lower bound is not zero, so that a light that is off can come on.
-    Perceptual,
-}
-
-/// Bounds, start and scale of a variable.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    /// Unit of the value.
-    pub unit: &'static str,
-    /// Least value.
-    pub lower: f64,
-    /// Largest value.
-    pub upper: f64,
-    /// Value at the start.
-    pub initial: f64,
-    /// Map from the optimiser's unit interval.
-    pub scale: Scale,
-}
 
 /// A free variable.
 #[derive(Clone, Debug, Serialize)]
@@ -44,18 +16,18 @@ pub struct Variable {
     pub name: String,
     /// Unit of the value.
     pub unit: &'static str,
-    /// Least value.
+    /// Lower bound of the value.
     pub lower: f64,
-    /// Largest value.
+    /// Upper bound of the value.
     pub upper: f64,
-    /// Value at the start.
+    /// Value at the neutral start.
     pub initial: f64,
-    /// Map from the optimiser's unit interval.
+    /// Map from the optimiser's unit interval to the value.
     pub scale: Scale,
-    /// What it changes.
+    /// Kind of the variable.
     #[serde(skip)]
     pub kind: VariableKind,
-    /// Index of the light that it belongs to; 0 for a variable of the scene.
+    /// Index of the light to which the variable belongs; 0 for a variable of the scene.
     #[serde(skip)]
     pub light: usize,
 }
@@ -72,7 +44,7 @@ impl Variable {
         self.lower + (self.upper - self.lower) * t
     }
 
-    /// Derivative of [`Self::decode`].
+    /// Derivative of [`Self::decode`] at `u`.
     #[must_use]
     pub fn slope(&self, u: f64) -> f64 {
         match self.scale {
@@ -86,7 +58,33 @@ impl Variable {
         (self.upper / self.lower).ln()
     }
 
-    /// The `u` of a value, cut to [0, 1].
+    /// Unit, bounds, start and scale.
+    fn range(&self) -> Range {
+        let Self { unit, lower, upper, initial, scale, .. } = *self;
+        Range { unit, lower, upper, initial, scale }
+    }
+
+    /// Value at a start that is matched to a target.
+    #[must_use]
+    pub fn matched_start(&self, start: &MatchedStart) -> f64 {
+        self.kind.matched_start(&self.range(), self.light, start)
+    }
+
+    /// Lower bound of the value below which too few samples fall inside the light for a reliable estimate;
+    /// `least_sizes` are the least sizes of each light within which enough samples fall, empty where every
+    /// size has enough.
+    #[must_use]
+    pub fn least_sampled(&self, least_sizes: &[f64]) -> f64 {
+        self.kind.least_sampled(&self.range(), self.light, least_sizes)
+    }
+
+    /// Advice to the user about an object that stays black, where the variable has the value `value`.
+    #[must_use]
+    pub fn advice_for_darkness(&self, value: f64) -> Option<String> {
+        self.kind.advice_for_darkness(&self.name, &self.range(), value)
+    }
+
+    /// `u` at which the variable has a value, cut to [0, 1]: the inverse of [`Self::decode`].
     #[must_use]
     pub fn encode(&self, value: f64) -> f64 {
         if self.upper <= self.lower {
@@ -102,10 +100,37 @@ impl Variable {
 }
 
 /// All free variables of a run.
+///
+/// ```
+/// use lightopt_embree::{
+///     import,
+///     lighting::Lighting,
+///     variables::{ParamVector, Scale, Variable, VariableKind},
+/// };
+///
+/// let scene = import::load("tests/mitsuba/scenes/cornell.obj".as_ref())?.scene;
+/// let size = Variable {
+///     name: "ceiling.size".into(),
+///     unit: "1",
+///     lower: 0.25,
+///     upper: 4.0,
+///     initial: 1.0,
+///     scale: Scale::Logarithmic,
+///     kind: VariableKind::named("size").expect("is a kind"),
+///     light: 0,
+/// };
+/// let variables = ParamVector { variables: vec![size] };
+///
+/// // The optimiser works on the unit cube; half-way of a logarithmic scale is the geometric mean.
+/// assert_eq!(variables.start(), [0.5]);
+/// let lighting = variables.lighting(Lighting::authored(&scene), &variables.decode(&[1.0]));
+/// assert!((lighting.size[0] - 4.0).abs() < 1e-12);
+/// # Ok::<(), import::ImportError>(())
+/// ```
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
 pub struct ParamVector {
-    /// In the order of the optimiser's components.
+    /// Variables in the order of the optimiser's components.
     pub variables: Vec<Variable>,
 }
 
@@ -116,31 +141,31 @@ impl ParamVector {
         self.variables.len()
     }
 
-    /// Whether nothing is free.
+    /// Whether there are no variables.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.variables.is_empty()
     }
 
-    /// The start, in the optimiser's units.
+    /// Neutral start as a point of the unit cube.
     #[must_use]
     pub fn start(&self) -> Vec<f64> {
         self.variables.iter().map(|v| v.encode(v.initial)).collect()
     }
 
-    /// Values at `u`.
+    /// Values at the point `u` of the unit cube.
     #[must_use]
     pub fn decode(&self, u: &[f64]) -> Vec<f64> {
         self.variables.iter().zip(u).map(|(v, &u)| v.decode(u)).collect()
     }
 
-    /// Values by name, in order.
+    /// Values by the names of the variables, in order.
     #[must_use]
     pub fn named(&self, values: &[f64]) -> serde_json::Map<String, serde_json::Value> {
         self.variables.iter().zip(values).map(|(v, &x)| (v.name.clone(), x.into())).collect()
     }
 
-    /// The lighting `x` with the values.
+    /// The lighting `x` with the variables at `values`.
     #[must_use]
     pub fn lighting(&self, mut x: Lighting, values: &[f64]) -> Lighting {
         for (v, &value) in self.variables.iter().zip(values) {
@@ -149,7 +174,7 @@ impl ParamVector {
         x
     }
 
-    /// Turns the gradient of a number by the lighting at `u` into that by `u`.
+    /// Writes the gradient of a number by `u` to `gradient`, from its gradient by the lighting at `u`.
     pub fn pull_back(&self, u: &[f64], by_lighting: &LightingGradient, gradient: &mut [f64]) {
         for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
             *g = v.kind.derivative(by_lighting, v.light) * v.slope(u);

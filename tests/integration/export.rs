@@ -3,6 +3,12 @@
 use std::{fs, path::Path};
 
 use assert_cmd::Command;
+use lightopt_embree::{
+    export::{self, ExportError, ExportJob, Exported},
+    import,
+    integrator::View,
+    lighting::Lighting,
+};
 use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
@@ -52,7 +58,7 @@ radius = 0.5
 radiance = 3.0
 ";
 
-fn scene(lights: &str) -> TempDir {
+fn scene_dir(lights: &str) -> TempDir {
     let directory = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| fs::write(directory.path().join(name), text).unwrap();
     write("s.obj", OBJ);
@@ -106,7 +112,7 @@ fn assert_well_formed(xml: &str) {
 
 #[test]
 fn a_scene_becomes_xml_with_a_mesh_per_material_and_baked_textures() {
-    let directory = scene(DISK);
+    let directory = scene_dir(DISK);
     export(directory.path()).args(["--size", "20x10", "--max-depth", "5"]).assert().success();
     let out = directory.path().join("out");
     let mut names: Vec<String> =
@@ -142,7 +148,7 @@ fn a_scene_becomes_xml_with_a_mesh_per_material_and_baked_textures() {
 
 #[test]
 fn a_lighting_that_was_found_is_exported() {
-    let directory = scene(DISK);
+    let directory = scene_dir(DISK);
     let lights = "schema = 1\n[[lights]]\nname = \"key\"\nradiance = 7.0\nsize = 0.5\n";
     fs::write(directory.path().join("lights.toml"), lights).unwrap();
     export(directory.path()).args(["--lights", "lights.toml"]).assert().success();
@@ -152,7 +158,7 @@ fn a_lighting_that_was_found_is_exported() {
 
 /// The scene.xml of the scene lit by `lights`, and what the program said.
 fn exported(lights: &str) -> (TempDir, String, String) {
-    let directory = scene(lights);
+    let directory = scene_dir(lights);
     let output = export(directory.path()).assert().success().get_output().stderr.clone();
     let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
     assert_well_formed(&xml);
@@ -183,6 +189,21 @@ fn a_spot_is_many_emitters_that_project_one_picture() {
 }
 
 #[test]
+fn lights_whose_names_differ_in_unsafe_characters_have_pictures_of_their_own() {
+    let spot = |name: &str, angle: f32| {
+        let point = DISK.replace("\"disk\"", "\"spot\"").replace("radius = 0.5", "radius = 0");
+        format!("{}angle = {angle}\n", point.replace("key", name))
+    };
+    let lights = [spot("a b", 30.0), spot("a_b", 50.0), spot("a/b", 70.0)].concat();
+    let (directory, xml, _) = exported(&lights);
+    for id in ["light_a_b", "light_a_b_2", "light_a_b_3"] {
+        assert!(xml.contains(&format!("<texture type=\"bitmap\" id=\"{id}\">")), "{id} is not in\n{xml}");
+        assert!(xml.contains(&format!("<ref name=\"texture\" id=\"{id}\"/>")), "{id} is not in\n{xml}");
+        assert!(directory.path().join(format!("out/{id}.exr")).is_file());
+    }
+}
+
+#[test]
 fn lights_at_infinity_and_bodies_that_stop_light_are_exported() {
     let sun = "[[lights]]\nname = \"sun\"\ntype = \"distant\"\nlook_at = [0.0, -2.0, 0.0]\nradiance = 3.0\n";
     let sky = "[[lights]]\nname = \"sky\"\ntype = \"environment\"\nradiance = 2.0\n";
@@ -204,7 +225,7 @@ fn lights_at_infinity_and_bodies_that_stop_light_are_exported() {
 
 #[test]
 fn an_emissive_material_shines_and_a_lens_is_kept() {
-    let directory = scene("");
+    let directory = scene_dir("");
     let path = |name: &str| directory.path().join(name);
     fs::write(path("s.mtl"), MTL.replace("illum 1\n", "Ke 1 2 3\nd 0.5\nillum 1\n")).unwrap();
     let sidecar = SIDECAR.replace("vfov", "aperture_radius = 0.1\nfocus_distance = 2.5\nvfov");
@@ -230,13 +251,54 @@ fn an_emissive_material_shines_and_a_lens_is_kept() {
 #[test]
 fn what_cannot_be_represented_is_refused_before_anything_is_written() {
     let other = DISK.replace("\"key\"", "\"hidden\"") + "camera_visible = false\n";
-    let directory = scene(&format!("{DISK}{other}"));
+    let directory = scene_dir(&format!("{DISK}{other}"));
     export(directory.path()).assert().code(1).stderr(contains("hidden").and(contains("camera_visible")));
     assert!(!directory.path().join("out").exists());
-    let directory = scene(&other);
+    let directory = scene_dir(&other);
     export(directory.path()).assert().success();
     let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
     assert!(xml.contains("name=\"hide_emitters\" value=\"true\""), "{xml}");
+}
+
+/// Exports the scene of a directory as its author lit it.
+fn write(directory: &Path) -> Result<Exported, ExportError> {
+    let scene = import::load(&directory.join("s.obj")).unwrap().scene;
+    let view = View { scene: &scene, camera: &scene.camera };
+    let job = ExportJob { view, lighting: &Lighting::authored(&scene), max_depth: 8 };
+    export::by_name("mitsuba").unwrap().write(&job, &directory.join("out"))
+}
+
+#[test]
+fn an_exporter_names_the_files_it_has_written_the_one_to_open_last() {
+    let directory = scene_dir(&(DISK.replace("\"disk\"", "\"spot\"") + "angle = 30.0\n"));
+    let out = directory.path().join("out");
+    let mitsuba = export::by_name("mitsuba").unwrap();
+    let mut files = write(directory.path()).unwrap().files;
+    assert_eq!(files.last(), Some(&mitsuba.entry_point(&out)));
+    files.sort();
+    let mut there: Vec<_> = fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
+    there.sort();
+    assert_eq!(files, there);
+    export(directory.path()).assert().success().stderr(contains("wrote 5 files; open out/scene.xml"));
+}
+
+#[test]
+fn an_error_names_the_format_and_what_has_no_counterpart_there() {
+    let directory = scene_dir(&(DISK.to_owned() + "camera_visible = false\n" + &DISK.replace("key", "rim")));
+    let error = write(directory.path()).unwrap_err();
+    assert!(matches!(error, ExportError::NoCounterpart { .. }), "{error:?}");
+    assert!(error.to_string().starts_with("light `key`: Mitsuba has no counterpart to "), "{error}");
+}
+
+#[test]
+fn the_help_lists_every_format_with_what_it_writes() {
+    let help = Command::cargo_bin("lightopt-embree").unwrap().args(["export", "--help"]).assert().success();
+    let help = String::from_utf8(help.get_output().stdout.clone()).unwrap();
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    for exporter in export::EXPORTERS {
+        let line = format!("- {}: {}; writes {}", exporter.name(), exporter.help(), exporter.files());
+        assert!(help.contains(&line), "{line} is not in\n{help}");
+    }
 }
 
 #[test]

@@ -156,7 +156,11 @@ fn textures_are_the_right_way_up_in_all_ways_of_storing_them() {
     use base64::{Engine as _, engine::general_purpose::STANDARD};
     let data = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bin()));
     room.write("embedded.gltf", square_with(&[("/buffers", uri(&data))]).to_string());
-    for name in ["s.glb", "external.gltf", "embedded.gltf"] {
+    // Schemes are of any case; lines may be broken, and what follows a `#` is no data.
+    let (head, tail) = data.split_at(100);
+    let data = format!("{}\n {}#buffer", head.replace("data:", "DATA:"), tail.trim_end_matches('='));
+    room.write("loose.gltf", square_with(&[("/buffers", uri(&data))]).to_string());
+    for name in ["s.glb", "external.gltf", "embedded.gltf", "loose.gltf"] {
         let scene = import::load(&room.path(name)).unwrap().scene;
         let corners =
             [(-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)].map(|(x, y)| color_at(&scene, x, y));
@@ -317,9 +321,9 @@ fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
     assert_eq!(scene.camera.size().to_array(), [640, 320]);
     assert_eq!(scene.lights.len(), 1);
     assert_eq!((scene.lights[0].name.as_str(), scene.lights[0].radiance), ("lamp", 2.0));
-    assert!(loaded.wishes.lights[0].free.contains("radiance"));
+    assert!(loaded.constraints.lights[0].free.contains("radiance"));
     let view = View { scene, camera: &scene.camera };
-    let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.wishes).unwrap();
+    let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.constraints).unwrap();
     assert_eq!(fitted.sizes, [None], "a point has no size that could be free");
     let assert = room.command(&["render", "s", "--spp", "1", "--size", "8x4", "-o", "a.png"]).assert();
     assert.code(0).stderr(contains("s.toml does not exist: everything is the main object\n").count(1));
@@ -489,6 +493,8 @@ fn what_cannot_be_read_is_refused_in_one_line_that_says_where() {
         ("/bufferViews/0/byteLength", json!(4000), "`bufferViews[0]`: 4000 bytes from 0 do not fit"),
         ("/buffers/0/byteLength", json!(4000), "`buffers[0]`: must hold 4000 bytes, its data has"),
         ("/buffers/0/uri", json!("no.bin"), "`buffers[0]`: cannot read "),
+        ("/buffers/0/uri", json!("data:;base64"), "`buffers[0]`: its data URI has no data"),
+        ("/buffers/0/uri", json!("data:;base64,A*"), "`buffers[0]`: its data URI is not base64: "),
         (
             "/buffers/0/uri",
             json!("https://a.b/c.bin"),

@@ -95,7 +95,7 @@ fn a_lighting_is_applied_and_checked() {
         ),
         (
             "schema = 1\n[[lights]]\nname = \"fill\"\nradiance = -1\n",
-            "l.toml: `lights.fill.radiance`: must be >= 0, got -1",
+            "l.toml: `lights.fill.radiance`: must be >= 0 and at most 1e15, got -1",
         ),
         (
             "schema = 1\n[[lights]]\nname = \"fill\"\nradiance = 1\nsize = 0\n",

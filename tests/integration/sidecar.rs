@@ -124,8 +124,16 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
         ("[0.0, 0.3, 0.0]", "[0.5, 1.8, 0.8]", "`lights.key.look_at`: must differ from `position`"),
         ("[0.0, 0.3, 0.0]", "[0.0, 0.3, 0.0]\nup = [nan, 0, 0]", "`lights.key.up`: must be finite"),
         ("[-0.8, 1.2, 0.8]", "[nan, 1.2, 0.8]", "`lights.fill.position`: must be finite"),
-        ("radiance = 5.0", "radiance = -5.0", "`lights.fill.radiance`: must be >= 0, got -5"),
-        ("radiance = 5.0", "radiance = 1e39", "`lights.fill.radiance`: must be >= 0, got inf"),
+        (
+            "radiance = 5.0",
+            "radiance = -5.0",
+            "`lights.fill.radiance`: must be >= 0 and at most 1e15, got -5",
+        ),
+        (
+            "radiance = 5.0",
+            "radiance = 1e39",
+            "`lights.fill.radiance`: must be >= 0 and at most 1e15, got inf",
+        ),
         ("radiance = 5.0", "radiance_max = 0.0", "`lights.fill.radiance_max`: must be > 0, got 0"),
         ("radiance = 5.0", "size_range = [2.0, 1.0]", "`lights.fill.size_range`: must be 0 < min <= max"),
         (

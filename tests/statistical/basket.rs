@@ -33,11 +33,11 @@ fn path_equals_bdpt_on_the_fruit_basket() {
 /// Without this, low-key would end in a black picture.
 #[test]
 fn light_separates_the_fruit_from_its_background() {
-    let Loaded { scene, wishes, .. } = basket((96, 72));
+    let Loaded { scene, constraints, .. } = basket((96, 72));
     assert!(scene.mesh.indices.len() >= 60_000);
     assert_eq!(scene.light_names(), ["key", "backdrop", "rim"]);
     let view = View { scene: &scene, camera: &scene.camera };
-    let fitted = Fitted::new(view, &Lighting::authored(&scene), &wishes).unwrap();
+    let fitted = Fitted::new(view, &Lighting::authored(&scene), &constraints).unwrap();
     let [v_min, v_max] = fitted.value_range.unwrap();
     let lighting = Lighting {
         radiance: vec![72.0, 0.0, 0.0],

@@ -5,9 +5,11 @@
 mod basis;
 mod basket;
 mod bsdf;
+mod gradient;
 mod light;
 mod mitsuba;
 mod noise;
+mod render_errors;
 mod spawn;
 mod surroundings;
 mod transport;

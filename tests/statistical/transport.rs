@@ -22,7 +22,7 @@ fn a_closed_furnace_gives_the_geometric_series() {
         for (albedo, max_depth) in [(0.5, 8), (0.9, 24), (1.0, 5)] {
             let scene = scenes::furnace(albedo);
             let integrator = Integrator { kind, max_depth, ..PATH };
-            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 64, 64);
+            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 32, 64);
             let expected: f64 = (0..max_depth).map(|k| f64::from(albedo).powi(k as i32)).sum();
             let z = (m.total.mean() - expected) / m.total.variance_of_mean().sqrt().max(1e-9);
             println!("{kind:?} albedo {albedo}: {} expected {expected}, z {z:.2}", m.total.mean());
@@ -32,7 +32,7 @@ fn a_closed_furnace_gives_the_geometric_series() {
 }
 
 fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
-    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 4 * spp);
+    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 2 * spp);
     let subject = Subject::new(scene).with_camera_subpaths(camera_subpaths);
     let bdpt = subject.measure(&BDPT, SamplerKind::Sobol, 2, n, spp);
     assert_same(&scene.name, &path, &bdpt);

@@ -14,7 +14,7 @@ use lightopt_embree::{
     scene::Scene,
 };
 
-use crate::support::{compare::Subject, scenes};
+use crate::support::{compare::Subject, scenes, verify};
 
 #[test]
 fn fast_weights_equal_the_reference_on_random_paths() {
@@ -33,7 +33,7 @@ fn fast_weights_equal_the_reference_on_random_paths() {
             for i in (0..8 * 24 * 24).take_while(|i| *i < 24 * 24 || n.get() < 3_000) {
                 let pixel = UVec2::new(i % 24, i / 24 % 24);
                 sampler.start(pixel, 3 + i / (24 * 24));
-                for compared in bdpt::verify::compare_weights(&context, &mut sampler, pixel) {
+                for compared in verify::compare_weights(&context, &mut sampler, pixel) {
                     if compared.shortest_edge < 0.02 {
                         n_short += 1;
                         continue;

@@ -130,9 +130,7 @@ impl Counts {
             last.0 += rest.0;
             last.1 += rest.1;
         }
-        if pooled.len() < 2 {
-            return 1.0;
-        }
+        assert!(pooled.len() >= 2, "{n} samples are too few to tell anything about their distribution");
         let statistic: f64 = pooled.iter().map(|(c, e)| (c - e).powi(2) / e).sum();
         upper_gamma((pooled.len() - 1) as f64 / 2.0, statistic / 2.0)
     }

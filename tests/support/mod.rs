@@ -6,3 +6,4 @@ pub mod compare;
 pub mod quadrature;
 pub mod random;
 pub mod scenes;
+pub mod verify;

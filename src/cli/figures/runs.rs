@@ -1,11 +1,11 @@
-//! The runs that the figures show.
+//! Runs that the figures show.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use image::RgbImage;
 
-use super::{Settings, WIDEST};
+use super::args::{Settings, WIDEST};
 use crate::{
     cli::{
         common::{TransportArgs, load_scene},
@@ -15,32 +15,40 @@ use crate::{
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject},
     figures::{
         LOOKS, Outcome, Study,
-        convergence::{Search, mode, steps},
+        convergence::{SearchLog, mode, steps},
         study::{BASKET, BASKET_TITLE},
         table::Entry,
     },
     import::Loaded,
+    integrator::Observer,
     lighting::Lighting,
     objective::{LuminanceMode, Target},
     variables::FreeKinds,
 };
 
-/// Most memory of a transport basis, bytes.
+/// Upper bound of the memory of transport bases, bytes: the default of `run`.
 const MEMORY: u64 = 2 << 30;
 
-/// What all runs share.
+/// Directories, settings and options that all runs share.
 #[derive(Clone, Copy)]
 pub(super) struct Runner<'a> {
+    /// Directory of the scenes.
     pub scenes: &'a Path,
+    /// Directory of the figures, with the runs below it.
     pub out: &'a Path,
+    /// Sizes, samples and limits.
     pub settings: Settings,
+    /// Options of light transport.
     pub transport: &'a TransportArgs,
+    /// Observer of the runs.
     pub console: &'a Console,
+    /// Whether earlier runs are replaced.
     pub force: bool,
 }
 
-/// Runs for all looks, and the seconds they took.
+/// Results of runs for all looks, and the seconds that they took.
 pub(super) struct Done<T> {
+    /// Result for each look.
     pub each: Vec<T>,
     /// Rows of the table of seconds.
     pub seconds: Vec<Vec<Entry>>,
@@ -59,6 +67,14 @@ pub(super) const TIMING_HEADER: [&str; 10] = [
     "renders",
     "seconds",
 ];
+
+/// Fails after an interrupt.
+pub(super) fn stop_if_interrupted(console: &Console, out: &Path) -> anyhow::Result<()> {
+    if console.cancelled() {
+        bail!("interrupted; what was finished is in {}", out.display());
+    }
+    Ok(())
+}
 
 impl Runner<'_> {
     fn options(&self, directory: &str, free: FreeKinds) -> anyhow::Result<RunOptions> {
@@ -91,16 +107,16 @@ impl Runner<'_> {
     fn run(&self, scene: &str, options: &RunOptions) -> anyhow::Result<Vec<RunReport>> {
         let path = self.scenes.join(scene);
         let loaded = load_scene(&path, |w| self.console.note(w))?;
-        let Loaded { scene, wishes, .. } = &loaded;
+        let Loaded { scene, constraints, .. } = &loaded;
         let authored = Lighting::authored(scene);
-        let subject = Subject { scene, path: &path, authored: &authored, wishes };
+        let subject = Subject { scene, path: &path, authored: &authored, constraints };
         let reports =
             design::run(subject, options, self.console).with_context(|| path.display().to_string())?;
-        super::workshop::stop_if_interrupted(self.console, self.out)?;
+        stop_if_interrupted(self.console, self.out)?;
         Ok(reports)
     }
 
-    /// A row of seconds; `before` are the renders of the looks before this one.
+    /// Row of the table of seconds; `before` is the number of renders of the looks before this one.
     fn seconds(
         &self,
         scene: &str,
@@ -145,7 +161,7 @@ impl Runner<'_> {
                 f_q_initial: report.initial.evaluation.f_q,
                 found: report.check.evaluation.clone(),
                 error: report.check.error_bar(),
-                f_q_final: report.last.f_q,
+                f_q_final: report.last.as_ref().map_or(f64::NAN, |last| last.f_q),
                 reach: reach(report),
                 caution: report.caution.clone(),
                 initial: picture(&job.out.join("initial.png"))?,
@@ -160,7 +176,7 @@ impl Runner<'_> {
     ///
     /// # Errors
     /// When the run fails, or is interrupted.
-    pub fn compared(&self) -> anyhow::Result<Done<Search>> {
+    pub fn compared(&self) -> anyhow::Result<Done<SearchLog>> {
         let mut done = Done { each: Vec::new(), seconds: Vec::new() };
         for gradient in [Gradient::Fd, Gradient::Basis] {
             self.console.note(&format!("== {BASKET_TITLE}, {} mode", mode(gradient)));
@@ -182,7 +198,7 @@ impl Runner<'_> {
             for (look, (report, job)) in reports.iter().zip(&options.jobs).enumerate() {
                 done.seconds.push(self.seconds(BASKET_TITLE, "fixed", look, &options, report, before));
                 before = report.renders;
-                done.each.push(Search {
+                done.each.push(SearchLog {
                     gradient,
                     look,
                     steps: steps(&job.out)?,
@@ -194,7 +210,7 @@ impl Runner<'_> {
     }
 }
 
-/// A picture of a run, no wider than a figure shows it.
+/// Reads a picture of a run, reduced to at most [`WIDEST`].
 fn picture(path: &PathBuf) -> anyhow::Result<RgbImage> {
     let image = image::open(path).with_context(|| format!("{}: cannot read the picture", path.display()))?;
     let image = image.to_rgb8();

@@ -1,16 +1,13 @@
-//! Makes the parts one after another and writes them down.
+//! Making of the parts, one after another, and of the files that hold them.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, path::PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use serde_json::json;
 
 use super::{
-    FiguresArgs, Settings,
-    runs::{Done, Runner, TIMING_HEADER},
+    args::{FiguresArgs, Settings},
+    runs::{Done, Runner, TIMING_HEADER, stop_if_interrupted},
 };
 use crate::{
     audit::write_whole,
@@ -27,31 +24,26 @@ use crate::{
         table::{Entry, Table},
         tables,
     },
-    integrator::{Observer, RenderError},
+    integrator::RenderError,
     objective::Target,
 };
 
-/// The page with everything in it.
+/// Name of the page with everything in it.
 const PAGE: &str = "index.html";
 
-/// Work in progress.
+/// Figures being made.
 pub(super) struct Workshop<'a> {
     runner: Runner<'a>,
+    /// Manifest of the files so far.
     manifest: Manifest,
+    /// Parts of the page so far.
     blocks: Vec<Block>,
+    /// Rows of the table of seconds so far.
     seconds: Vec<Vec<Entry>>,
 }
 
-/// Fails after Ctrl-C.
-pub(super) fn stop_if_interrupted(console: &Console, out: &Path) -> anyhow::Result<()> {
-    if console.cancelled() {
-        bail!("interrupted; what was finished is in {}", out.display());
-    }
-    Ok(())
-}
-
 impl<'a> Workshop<'a> {
-    /// Makes the directory, or clears it of earlier figures.
+    /// Makes the directory of the figures, or clears it of earlier ones.
     ///
     /// # Errors
     /// When it cannot be written.
@@ -63,7 +55,7 @@ impl<'a> Workshop<'a> {
     ) -> anyhow::Result<Self> {
         let out = args.out.as_path();
         fs::create_dir_all(out).with_context(|| format!("{}: cannot make the directory", out.display()))?;
-        if args.force {
+        if args.pictures.force {
             manifest::clear(out)?;
         }
         let transport = &args.transport;
@@ -94,13 +86,14 @@ impl<'a> Workshop<'a> {
             files: Default::default(),
             timings: Vec::new(),
         };
-        let runner = Runner { scenes: &args.scenes, out, settings, transport, console, force: args.force };
+        let runner =
+            Runner { scenes: &args.scenes, out, settings, transport, console, force: args.pictures.force };
         let workshop = Self { runner, manifest, blocks: Vec::new(), seconds: Vec::new() };
         workshop.save()?;
         Ok(workshop)
     }
 
-    /// Makes the parts, and the page of them all; returns where that is.
+    /// Makes the parts, and a page of them all; returns the path of the page.
     ///
     /// # Errors
     /// When a run fails, or is interrupted.
@@ -137,7 +130,7 @@ impl<'a> Workshop<'a> {
         Ok(write_whole(&self.runner.out.join(MANIFEST), text)?)
     }
 
-    /// Takes note of runs that are recorded below `directory`.
+    /// Adds runs that are recorded below `directory` to the manifest and to the table of seconds.
     fn took<T>(&mut self, done: Done<T>, directory: &str) -> anyhow::Result<Vec<T>> {
         self.manifest.add(self.runner.out, directory)?;
         self.save()?;
@@ -159,7 +152,7 @@ impl<'a> Workshop<'a> {
     }
 
     fn put_table(&mut self, name: &str, table: Table, notes: &[&str]) -> anyhow::Result<()> {
-        self.put(&format!("{name}.csv"), table.csv())?;
+        self.put(&format!("{name}.csv"), table.csv()?)?;
         self.put(&format!("{name}.tex"), table.latex(notes)?)?;
         self.blocks.push(Block::Table(table));
         if !notes.is_empty() {
@@ -186,7 +179,7 @@ impl<'a> Workshop<'a> {
             seed: transport.seed,
         };
         console.stage("rendering the transport basis", Some(u64::from(how.size.y)));
-        let grid = match flux::grid(&loaded.scene, &loaded.wishes, &how, console) {
+        let grid = match flux::grid(&loaded.scene, &loaded.constraints, &how, console) {
             Err(flux::FluxError::Render(RenderError::Cancelled)) => {
                 return stop_if_interrupted(console, out);
             }
@@ -199,7 +192,7 @@ impl<'a> Workshop<'a> {
         self.put_figure("fig2", &grid.draw()?, caption.to_owned())
     }
 
-    /// A row per study with the start and what was found.
+    /// Makes a figure with a row for each study: the start, and the lights found for each look.
     fn pictures(&mut self, part: Part, studies: &[Study], outcomes: &[&Outcome]) -> anyhow::Result<()> {
         let of_basket = part == Part::Fig4;
         let row = |study: &Study| {
@@ -304,7 +297,7 @@ impl<'a> Workshop<'a> {
              Seconds are in {TIMINGS}.",
             s.compared_size.x, s.compared_size.y, s.compared_spp, s.max_evaluations
         );
-        self.put("convergence.csv", convergence::table(&searches).csv())?;
+        self.put("convergence.csv", convergence::table(&searches).csv()?)?;
         self.put_figure("convergence", &convergence::plot(&searches)?, caption)
     }
 
@@ -316,7 +309,7 @@ impl<'a> Workshop<'a> {
                 rows: std::mem::take(&mut self.seconds),
                 grouped: 0,
             };
-            self.put(TIMINGS, table.csv())?;
+            self.put(TIMINGS, table.csv()?)?;
         }
         let s = self.runner.settings;
         let lead = format!(

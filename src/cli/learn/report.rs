@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::{LearnArgs, Outcome};
-use crate::objective::Term;
+use crate::objective::{Goal, Target};
 
 /// What a reader of the result should know.
 pub(super) fn notes(outcomes: &[Outcome]) -> Vec<String> {
@@ -95,9 +95,8 @@ fn class_json(outcome: &Outcome, names: &[&str]) -> Value {
         "outlier_above": learned.outlier_above,
     });
     if let Some((path, target)) = target {
-        let scalars = Term::ALL.iter().take(5);
         let values: Map<String, Value> =
-            scalars.map(|&t| (t.name().to_owned(), json!(target.target(t)))).collect();
+            scalars(target).map(|(name, value)| (name.to_owned(), json!(value))).collect();
         value["target_file"] = json!(path);
         value["targets"] = values.into();
     }
@@ -183,18 +182,27 @@ fn confusion_table(text: &mut String, outcomes: &[Outcome], confusion: &[Vec<usi
     let _ = writeln!(text, "  {right} of {judged} are nearest to their own class\n");
 }
 
+/// Name and target of every scalar term.
+fn scalars(target: &Target) -> impl Iterator<Item = (&'static str, f64)> {
+    target.goals().filter_map(|(term, goal)| match goal {
+        Goal::Value(value) => Some((term.name(), *value)),
+        Goal::Signature(_) => None,
+    })
+}
+
 fn targets_table(text: &mut String, outcomes: &[Outcome]) {
     let wide = width(names(outcomes), 8);
     let _ = write!(text, "{:<wide$}", "targets");
-    for term in Term::ALL.iter().take(5) {
-        let _ = write!(text, "  {:>8}", term.name());
+    let first = outcomes.iter().find_map(|o| o.target.as_ref());
+    for (name, _) in first.iter().flat_map(|(_, target)| scalars(target)) {
+        let _ = write!(text, "  {name:>8}");
     }
     let _ = writeln!(text);
     for Outcome { class, target, .. } in outcomes {
         let Some((_, target)) = target else { continue };
         let _ = write!(text, "{:<wide$}", class.name);
-        for &term in Term::ALL.iter().take(5) {
-            let _ = write!(text, "  {:>8.4}", target.target(term));
+        for (_, value) in scalars(target) {
+            let _ = write!(text, "  {value:>8.4}");
         }
         let _ = writeln!(text);
     }

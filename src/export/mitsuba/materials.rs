@@ -2,19 +2,26 @@
 
 use std::collections::HashMap;
 
-use super::{Export, ExportError, Part, bitmap, list};
+use super::{
+    ExportError, Surface, Writer,
+    xml::{boolean, element, float, rgb, string, texture},
+};
 use crate::{
     bsdf::{microfacet::Ggx, plastic::internal_reflectance},
-    film::exr::ExrPart,
     math::Rgb,
     scene::{
         Material,
         material::{Model, Relief},
-        texture::ScalarMap,
+        texture::{ScalarMap, Texture},
     },
 };
 
-/// [`compensation`] by the bits of IOR and slope: materials that are alike share it.
+/// Largest ratio of the widths of an image on the triangles of a surface that counts as
+/// even: texture coordinates of four digits are no more exact.
+const MAX_STRETCH: f32 = 1.001;
+
+/// Values of [`compensation`] that have been computed, by the bits of IOR and slope, for
+/// materials that share both.
 #[derive(Default)]
 pub(super) struct Compensations(HashMap<(u32, Option<u32>), f32>);
 
@@ -25,278 +32,260 @@ impl Compensations {
     }
 }
 
-/// XML under construction: an element of a BSDF with its body indented.
-fn element(kind: &str, body: &str) -> String {
-    let body: String = body.lines().map(|l| format!("    {l}\n")).collect();
-    format!("<bsdf type=\"{kind}\">\n{body}</bsdf>\n")
+/// A GGX distribution of this slope, a number or a texture.
+fn ggx(alpha: &str) -> String {
+    string("distribution", "ggx") + alpha
 }
 
-fn float(name: &str, value: f32) -> String {
-    format!("<float name=\"{name}\" value=\"{value}\"/>\n")
+/// Refractive index inside, with air outside.
+fn refraction(material: &Material) -> String {
+    float("int_ior", material.ior()) + &float("ext_ior", 1.0)
 }
 
-impl Export<'_> {
-    fn warn(&mut self, material: &Material, message: &str) {
+impl Writer<'_> {
+    pub(super) fn warn(&mut self, material: &Material, message: &str) {
         self.warnings.push(format!("material `{}`: {message}", material.name));
     }
 
-    /// What a material scatters, and lets pass.
-    pub(super) fn bsdf(
-        &mut self,
-        material: &Material,
-        part: &Part,
-        stem: &str,
-    ) -> Result<String, ExportError> {
-        let mut body = if material.model() == Model::Dielectric {
-            let glass = self.dielectric(material, stem)?;
-            match self.relief(material, part, stem, &glass)? {
+    /// The BSDF of a surface, with its opacity.
+    pub(super) fn bsdf(&mut self, s: &Surface) -> Result<String, ExportError> {
+        let scattered = if s.material.model() == Model::Dielectric {
+            let glass = self.dielectric(s)?;
+            match self.relief(s, &glass)? {
                 None => glass,
                 Some([front, _]) => {
-                    self.warn(material, "Mitsuba bends grazing light differently at its relief");
+                    self.warn(s.material, "Mitsuba bends grazing light differently at its relief");
                     front
                 }
             }
         } else {
-            let opaque = self.opaque(material, stem)?;
-            let sides = self.relief(material, part, stem, &opaque)?;
-            element("twosided", &sides.map_or(opaque, |[front, back]| front + &back))
+            let opaque = self.opaque(s)?;
+            let sides = self.relief(s, &opaque)?;
+            element("bsdf", "twosided", &sides.map_or(opaque, |[front, back]| front + &back))
         };
-        if material.is_translucent() {
-            if material.opacity_cutoff().is_some() && material.opacity_map().is_some() {
-                self.warn(material, "Mitsuba cannot cut its opacity off between texels; the edges differ");
-            }
-            let cutoff = material.opacity_cutoff();
-            let limit = move |v: f32| cutoff.map_or(v, |c| f32::from(v >= c));
-            let map = material.opacity_map();
-            let opacity = self.number(stem, "opacity", material.opacity_factor(), map, limit)?;
-            body = element("mask", &(opacity + &body));
+        if !s.material.is_translucent() {
+            return Ok(scattered);
         }
-        Ok(body.lines().map(|l| format!("        {l}\n")).collect())
+        let (map, cutoff) = (s.material.opacity_map(), s.material.opacity_cutoff());
+        if cutoff.is_some() && map.is_some() {
+            self.warn(s.material, "Mitsuba cannot cut its opacity off between texels; the edges differ");
+        }
+        let limit = move |v: f32| cutoff.map_or(v, |c| f32::from(v >= c));
+        let opacity = self.number(s, ["opacity"; 2], s.material.opacity_factor(), map, limit)?;
+        Ok(element("bsdf", "mask", &(opacity + &scattered)))
     }
 
-    /// `factor` times what its image says, through `f`: a number or a texture.
+    /// The parameter `name` with `factor` times the value of `map`, clamped to [0, 1] and
+    /// passed through `f`: a number without a map, else a texture in a file called by
+    /// `file`.
     fn number(
         &mut self,
-        stem: &str,
-        name: &str,
+        s: &Surface,
+        [file, name]: [&str; 2],
         factor: f32,
         map: Option<&ScalarMap>,
         f: impl Fn(f32) -> f32,
     ) -> Result<String, ExportError> {
         let Some(map) = map else { return Ok(float(name, f(factor))) };
-        let [width, height] = map.texture.size();
-        let texels = (0..width * height)
-            .map(|i| {
-                f((factor * map.texture.texel(i % width, i / width)[map.channel as usize]).clamp(0.0, 1.0))
-            })
-            .collect();
-        let part = ExrPart::single(name, "Y", texels);
-        let file = self.picture(&format!("{stem}_{name}"), [width, height], part)?;
-        Ok(bitmap(name, &file, map.texture.transform()))
+        let scaled = |v: f32| f((factor * v).clamp(0.0, 1.0));
+        let written = self.directory.scalar_texture(&format!("{}_{file}", s.stem), file, map, scaled)?;
+        Ok(texture(name, &written, map.texture.transform()))
     }
 
-    /// The base colour times `scale` under a parameter's name; writes its texture.
-    fn color(
-        &mut self,
-        material: &Material,
-        stem: &str,
-        name: &str,
-        scale: f32,
-    ) -> Result<String, ExportError> {
-        let tint = material.tint() * scale;
+    /// The parameter `name` with the base colour times `scale`, a number or a texture.
+    fn color(&mut self, s: &Surface, name: &str, scale: f32) -> Result<String, ExportError> {
+        let tint = s.tint * scale;
         let mut clamped = false;
         let mut limit = |c: Rgb| {
             clamped |= c.max_element() > 1.0;
             c.min(Rgb::ONE)
         };
-        let element = match material.texture() {
-            None => format!("<rgb name=\"{name}\" value=\"{}\"/>\n", list(limit(tint))),
-            Some(texture) => {
-                let [width, height] = texture.size();
-                let texels: Vec<[f32; 3]> = (0..width * height)
-                    .map(|i| {
-                        let [r, g, b, _] = texture.texel(i % width, i / width);
-                        limit(Rgb::new(r, g, b) * tint).to_array()
-                    })
-                    .collect();
+        let element = match s.material.texture() {
+            None => rgb(name, limit(tint)),
+            Some(image) => {
                 // A coat has its own factor.
-                let stem = if scale == 1.0 { stem.to_owned() } else { format!("{stem}_coated") };
-                let file = self.picture(&stem, [width, height], ExrPart::rgb("color", &texels))?;
-                bitmap(name, &file, texture.transform())
+                let stem = if scale == 1.0 { s.stem.clone() } else { format!("{}_coated", s.stem) };
+                let tinted = |[r, g, b, _]: [f32; 4]| limit(Rgb::new(r, g, b) * tint).to_array();
+                let file = self.directory.color_texture(&stem, "color", image, tinted)?;
+                texture(name, &file, image.transform())
             }
         };
         if clamped {
-            self.warn(material, "its base colour exceeds 1 in Mitsuba and was clamped");
+            self.warn(s.material, "its base colour exceeds 1 in Mitsuba and was clamped");
         }
         Ok(element)
     }
 
-    fn dielectric(&mut self, material: &Material, stem: &str) -> Result<String, ExportError> {
-        let ior = float("int_ior", material.ior()) + &float("ext_ior", 1.0);
-        Ok(match self.alpha(material, stem)? {
-            None => element("dielectric", &ior),
-            Some(alpha) => element("roughdielectric", &(alpha + &ior)),
+    fn dielectric(&mut self, s: &Surface) -> Result<String, ExportError> {
+        let ior = refraction(s.material);
+        Ok(match self.alpha(s)? {
+            None => element("bsdf", "dielectric", &ior),
+            Some(alpha) => element("bsdf", "roughdielectric", &(ggx(&alpha) + &ior)),
         })
     }
 
-    /// The GGX slope; `None` is smooth.
-    fn alpha(&mut self, material: &Material, stem: &str) -> Result<Option<String>, ExportError> {
-        let ggx = "<string name=\"distribution\" value=\"ggx\"/>\n".to_owned();
-        if let Some(map) = material.roughness_map() {
-            self.warn(
-                material,
-                "Mitsuba interpolates the square of its roughness; lookups between texels differ",
-            );
-            let squared = |r: f32| (r * r).max(Ggx::MIN_ALPHA);
-            return Ok(Some(ggx + &self.number(stem, "alpha", material.roughness(), Some(map), squared)?));
-        }
-        Ok(material.alpha().map(|a| ggx + &float("alpha", a)))
+    /// The GGX slope as a number or a texture; `None` for a smooth surface.
+    fn alpha(&mut self, s: &Surface) -> Result<Option<String>, ExportError> {
+        let Some(map) = s.material.roughness_map() else {
+            return Ok(s.material.alpha().map(|a| float("alpha", a)));
+        };
+        self.warn(
+            s.material,
+            "Mitsuba interpolates the square of its roughness; lookups between texels differ",
+        );
+        let squared = |r: f32| (r * r).max(Ggx::MIN_ALPHA);
+        self.number(s, ["alpha"; 2], s.material.roughness(), Some(map), squared).map(Some)
     }
 
-    /// One side of what is not glass: (1 − m)·[(1 − w)·diffuse + w·plastic] + m·metal.
-    fn opaque(&mut self, material: &Material, stem: &str) -> Result<String, ExportError> {
-        let (m, m_map) = (material.metallic(), material.metallic_map());
-        if material.model() == Model::Conductor || (m >= 1.0 && m_map.is_none()) {
-            return self.metal(material, stem);
+    /// The BSDF of one side of an opaque surface:
+    /// (1 − m)·[(1 − w)·diffuse + w·plastic] + m·metal.
+    fn opaque(&mut self, s: &Surface) -> Result<String, ExportError> {
+        let (m, m_map) = (s.material.metallic(), s.material.metallic_map());
+        if s.material.model() == Model::Conductor || (m >= 1.0 && m_map.is_none()) {
+            return self.metal(s);
         }
-        let (w, w_map) = (material.specular(), material.specular_map());
-        let (w, w_map) = if material.model() == Model::Plastic { (w, w_map) } else { (0.0, None) };
+        let (w, w_map) = match s.material.model() {
+            Model::Plastic => (s.material.specular(), s.material.specular_map()),
+            _ => (0.0, None),
+        };
         let base = match (w, w_map.is_some()) {
-            (0.0, _) => self.diffuse(material, stem)?,
-            (1.0, false) => self.plastic(material, stem)?,
+            (0.0, _) => self.diffuse(s)?,
+            (1.0, false) => self.plastic(s)?,
             _ => {
-                let both = self.diffuse(material, stem)? + &self.plastic(material, stem)?;
-                element("blendbsdf", &(self.number_as(stem, "coat", "weight", w, w_map)? + &both))
+                let both = self.diffuse(s)? + &self.plastic(s)?;
+                self.blend(s, "coat", w, w_map, &both)?
             }
         };
         if m == 0.0 {
             return Ok(base);
         }
-        let both = base + &self.metal(material, stem)?;
-        Ok(element("blendbsdf", &(self.number_as(stem, "metallic", "weight", m, m_map)? + &both)))
+        let both = base + &self.metal(s)?;
+        self.blend(s, "metallic", m, m_map, &both)
     }
 
-    /// A number whose picture is named otherwise.
-    fn number_as(
+    /// A mixture of two BSDFs. `weight` times `map` is the share of the second one, which an
+    /// image file called by `file` holds when there is a map.
+    fn blend(
         &mut self,
-        stem: &str,
-        picture: &str,
-        name: &str,
-        factor: f32,
+        s: &Surface,
+        file: &str,
+        weight: f32,
         map: Option<&ScalarMap>,
+        both: &str,
     ) -> Result<String, ExportError> {
-        let text = self.number(stem, picture, factor, map, |v| v)?;
-        Ok(text.replacen(&format!("name=\"{picture}\""), &format!("name=\"{name}\""), 1))
+        let weight = self.number(s, [file, "weight"], weight, map, |v| v)?;
+        Ok(element("bsdf", "blendbsdf", &(weight + both)))
     }
 
-    fn diffuse(&mut self, material: &Material, stem: &str) -> Result<String, ExportError> {
-        Ok(element("diffuse", &self.color(material, stem, "reflectance", 1.0)?))
+    fn diffuse(&mut self, s: &Surface) -> Result<String, ExportError> {
+        Ok(element("bsdf", "diffuse", &self.color(s, "reflectance", 1.0)?))
     }
 
-    fn plastic(&mut self, material: &Material, stem: &str) -> Result<String, ExportError> {
-        let alpha = match material.roughness_map() {
-            None => material.alpha(),
+    fn plastic(&mut self, s: &Surface) -> Result<String, ExportError> {
+        let alpha = match s.material.roughness_map() {
+            None => s.material.alpha(),
             Some(map) => {
                 self.warn(
-                    material,
+                    s.material,
                     "Mitsuba's coat has one roughness; exported with the middle of its range",
                 );
-                let [lo, hi] = map.range().map(|v| (material.roughness() * v).clamp(0.0, 1.0));
+                let [lo, hi] = map.range().map(|v| (s.material.roughness() * v).clamp(0.0, 1.0));
                 Some((0.25 * (lo + hi) * (lo + hi)).max(Ggx::MIN_ALPHA))
             }
         };
-        let scale = self.compensations.get(material.ior(), alpha);
-        let body = format!(
-            "{}{}{}<boolean name=\"nonlinear\" value=\"false\"/>\n",
-            self.color(material, stem, "diffuse_reflectance", scale)?,
-            float("int_ior", material.ior()),
-            float("ext_ior", 1.0),
-        );
+        let scale = self.compensations.get(s.material.ior(), alpha);
+        let color = self.color(s, "diffuse_reflectance", scale)?;
+        let body = color + &refraction(s.material) + &boolean("nonlinear", false);
         Ok(match alpha {
-            None => element("plastic", &body),
-            Some(a) => element(
-                "roughplastic",
-                &format!("{body}<string name=\"distribution\" value=\"ggx\"/>\n{}", float("alpha", a)),
-            ),
+            None => element("bsdf", "plastic", &body),
+            Some(a) => element("bsdf", "roughplastic", &(body + &ggx(&float("alpha", a)))),
         })
     }
 
-    fn metal(&mut self, material: &Material, stem: &str) -> Result<String, ExportError> {
-        let is_smooth = material.alpha().is_none() && material.roughness_map().is_none();
-        if is_smooth && material.texture().is_none() && material.tint() == Rgb::ONE {
-            return Ok(element("conductor", "<string name=\"material\" value=\"none\"/>\n"));
+    fn metal(&mut self, s: &Surface) -> Result<String, ExportError> {
+        let is_smooth = s.material.alpha().is_none() && s.material.roughness_map().is_none();
+        if is_smooth && s.material.texture().is_none() && s.tint == Rgb::ONE {
+            return Ok(element("bsdf", "conductor", &string("material", "none")));
         }
         if is_smooth {
             self.warn(
-                material,
+                s.material,
                 "Mitsuba has no smooth metal with Schlick's reflectance; exported as slightly rough",
             );
         }
-        let roughness = match material.roughness_map() {
-            None => float("roughness", material.alpha().unwrap_or(0.0).sqrt()),
-            map => self.number(stem, "roughness", material.roughness(), map, |r| r)?,
+        let roughness = match s.material.roughness_map() {
+            None => float("roughness", s.material.alpha().unwrap_or(0.0).sqrt()),
+            map => self.number(s, ["roughness"; 2], s.material.roughness(), map, |r| r)?,
         };
-        let color = self.color(material, stem, "base_color", 1.0)?;
-        Ok(element("principled", &format!("{color}{}{roughness}", float("metallic", 1.0))))
+        let color = self.color(s, "base_color", 1.0)?;
+        Ok(element("bsdf", "principled", &(color + &float("metallic", 1.0) + &roughness)))
     }
 
-    /// The front and the back of a surface whose normals are tilted, each around `inner`.
+    /// The BSDF `inner` with the tilted normals of the surface's relief, on the front and on
+    /// the back; `None` for a surface without relief.
     ///
-    /// `twosided` mirrors the back, we turn it over as a whole: there the tilt is
+    /// `twosided` mirrors the back, our renderer turns it over as a whole: there the tilt is
     /// the other way round.
-    fn relief(
-        &mut self,
-        material: &Material,
-        part: &Part,
-        stem: &str,
-        inner: &str,
-    ) -> Result<Option<[String; 2]>, ExportError> {
-        const PLAIN: &str = "<boolean name=\"flip_invalid_normals\" value=\"false\"/>\n\
-                             <boolean name=\"use_shadowing_function\" value=\"false\"/>\n";
-        match material.relief() {
+    fn relief(&mut self, s: &Surface, inner: &str) -> Result<Option<[String; 2]>, ExportError> {
+        match s.material.relief() {
             None => Ok(None),
             Some(Relief::NormalMap { texture, scale }) => {
-                let mirrored = part.mirrored();
-                if mirrored > 0 && mirrored < part.len() {
-                    self.warn(
-                        material,
-                        "its image is mirrored on some triangles, where Mitsuba's green is down",
-                    );
-                }
-                let green = if 2 * mirrored > part.len() { -scale } else { *scale };
-                let [width, height] = texture.size();
-                let mut sides = [String::new(), String::new()];
-                for (side, sign, name) in [(0, 1.0, "normals"), (1, -1.0, "normals_back")] {
-                    let texels: Vec<[f32; 3]> = (0..width * height)
-                        .map(|i| {
-                            let [x, y, z, _] = texture.texel(i % width, i / width);
-                            let tilt = |v: f32, scale: f32| 0.5 + (v - 0.5) * scale * sign;
-                            [tilt(x, *scale), tilt(y, green), z]
-                        })
-                        .collect();
-                    let picture = ExrPart::rgb("normals", &texels);
-                    let file = self.picture(&format!("{stem}_{name}"), [width, height], picture)?;
-                    let map = bitmap("normalmap", &file, texture.transform());
-                    sides[side] = element("normalmap", &(map + PLAIN + inner));
-                }
-                Ok(Some(sides))
+                self.normal_map(s, texture, *scale, inner).map(Some)
             }
-            Some(Relief::BumpMap { height, scale }) => {
-                let [lo, hi] = part.widths();
-                if hi > 1.001 * lo {
-                    self.warn(material, "its image is not stretched alike everywhere; Mitsuba's heights are");
-                }
-                let map = self.number(stem, "heights", 1.0, Some(height), |v| v)?;
-                let scale = scale * 0.5 * (lo + hi);
-                Ok(Some([scale, -scale].map(|scale| {
-                    element("bumpmap", &format!("{map}{}{PLAIN}{inner}", float("scale", scale)))
-                })))
-            }
+            Some(Relief::BumpMap { height, scale }) => self.bump_map(s, height, *scale, inner).map(Some),
         }
+    }
+
+    fn normal_map(
+        &mut self,
+        s: &Surface,
+        image: &Texture,
+        scale: f32,
+        inner: &str,
+    ) -> Result<[String; 2], ExportError> {
+        let mirrored = s.part.mirrored();
+        if mirrored > 0 && mirrored < s.part.len() {
+            self.warn(s.material, "its image is mirrored on some triangles, where Mitsuba's green is down");
+        }
+        let green = if 2 * mirrored > s.part.len() { -scale } else { scale };
+        let mut side = |name: &str, sign: f32| -> Result<String, ExportError> {
+            let tilt = |v: f32, scale: f32| 0.5 + (v - 0.5) * scale * sign;
+            let tilted = |[x, y, z, _]: [f32; 4]| [tilt(x, scale), tilt(y, green), z];
+            let stem = format!("{}_{name}", s.stem);
+            let file = self.directory.color_texture(&stem, "normals", image, tilted)?;
+            let map = texture("normalmap", &file, image.transform());
+            Ok(element("bsdf", "normalmap", &(map + &unbent() + inner)))
+        };
+        Ok([side("normals", 1.0)?, side("normals_back", -1.0)?])
+    }
+
+    fn bump_map(
+        &mut self,
+        s: &Surface,
+        height: &ScalarMap,
+        scale: f32,
+        inner: &str,
+    ) -> Result<[String; 2], ExportError> {
+        let [lo, hi] = s.part.widths();
+        if hi > MAX_STRETCH * lo {
+            self.warn(s.material, "its image is not stretched alike everywhere; Mitsuba's heights are");
+        }
+        let map = self.number(s, ["heights"; 2], 1.0, Some(height), |v| v)?;
+        let scale = scale * 0.5 * (lo + hi);
+        let side = |scale: f32| {
+            element("bsdf", "bumpmap", &(map.clone() + &float("scale", scale) + &unbent() + inner))
+        };
+        Ok([side(scale), side(-scale)])
     }
 }
 
-/// Factor on the albedo of a plastic of relative IOR `ior` and GGX slope `alpha`.
+/// Parameters of `normalmap` and `bumpmap` with which Mitsuba tilts normals as we do.
+fn unbent() -> String {
+    boolean("flip_invalid_normals", false) + &boolean("use_shadowing_function", false)
+}
+
+/// Factor on the albedo of a plastic of relative IOR `ior` and GGX slope `alpha` with
+/// which Mitsuba's plastic reflects as much as ours.
 ///
 /// With `nonlinear` false the base is proportional to albedo/(1 − R), R being
 /// the diffuse reflectance 2 ∫ R(μ) μ dμ of the coat from inside. We integrate
@@ -305,10 +294,13 @@ impl Export<'_> {
 /// from μ = 0 to 1 with both ends in full, 1 to 2 % off.
 #[must_use]
 pub fn compensation(ior: f32, alpha: Option<f32>) -> f32 {
+    // The number of nodes of Mitsuba's quadrature.
     const N_NODES: u32 = 64;
     let ggx = alpha.map(Ggx::new);
     let weighted = |mu: f64, i: u32| 2.0 * mu * f64::from(internal_reflectance(ior, ggx, mu as f32, i));
     let mean = |n: u32, f: &dyn Fn(u32) -> f64| (0..n).map(f).sum::<f64>() / f64::from(n);
+    // Measured against many more nodes for IOR from 1.3 to 1.8: rough within 3e-4, smooth
+    // within 2e-5; 0.13 s for a rough one.
     let n = if alpha.is_some() { 512 } else { 4096 };
     let exact = mean(n, &|i| weighted((f64::from(i) + 0.5) / f64::from(n), i));
     let theirs = if alpha.is_some() {

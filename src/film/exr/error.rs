@@ -4,95 +4,106 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::MAX_PIXELS;
+use super::{MAX_PIXELS, MAX_SAMPLES};
 use crate::files::atomic::AtomicWriteError;
 
 /// Why an EXR file cannot be read or written.
 #[derive(Debug, Error)]
 pub enum ExrError {
-    /// Unreadable or not an EXR file.
+    /// The file cannot be read, or is not an EXR file.
     #[error("{path}: cannot read it as an EXR picture", path = .path.display())]
     Read {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// Why.
+        /// Error of the decoder or encoder.
         #[source]
         source: exr::error::Error,
     },
-    /// The encoder refuses.
+    /// The encoder refuses the picture.
     #[error("{path}: cannot write the EXR picture", path = .path.display())]
     Write {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// Why.
+        /// Error of the decoder or encoder.
         #[source]
         source: exr::error::Error,
     },
-    /// The file cannot be brought to its place.
+    /// A finished file cannot be brought to its place.
     #[error(transparent)]
     File(#[from] AtomicWriteError),
-    /// A picture without pixels, or with too many.
+    /// The picture has no pixels, or too many.
     #[error("{path}: {width} x {height} pixels; need 1 to {MAX_PIXELS}", path = .path.display())]
     Size {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
         /// Width, pixels.
         width: usize,
         /// Height, pixels.
         height: usize,
     },
-    /// A channel of another size than the picture.
+    /// All parts and channels together have too many samples.
+    #[error(
+        "{path}: {samples} samples in all channels of all parts; at most {MAX_SAMPLES} are possible",
+        path = .path.display()
+    )]
+    Samples {
+        /// Path of the EXR file.
+        path: PathBuf,
+        /// Number of samples: pixels times channels, summed over the parts.
+        samples: u64,
+    },
+    /// A channel has another number of samples than the picture has pixels.
     #[error(
         "{path}: channel `{channel}` of part `{part}` has {samples} samples, the picture \
          {width} x {height}", path = .path.display()
     )]
     ChannelSize {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// The part.
+        /// Name of the part.
         part: String,
-        /// The channel.
+        /// Name of the channel.
         channel: String,
-        /// Its number of samples.
+        /// Number of samples of the channel.
         samples: usize,
-        /// Width of the picture.
+        /// Width of the picture, pixels.
         width: usize,
-        /// Height of the picture.
+        /// Height of the picture, pixels.
         height: usize,
     },
-    /// A name that EXR cannot hold, or that occurs twice.
+    /// A name is one that EXR cannot hold, or occurs twice.
     #[error(
         "{path}: {kind} `{name}`: names must be unique and of 1 to 255 ASCII characters",
         path = .path.display()
     )]
     Name {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// Part or channel.
+        /// Kind of thing that is named: part, channel or attribute.
         kind: &'static str,
-        /// The name.
+        /// Name that is refused.
         name: String,
     },
-    /// Nothing to write.
+    /// The picture has no part, or a part no channel.
     #[error("{path}: a picture needs at least one part, a part at least one channel", path = .path.display())]
     Empty {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
     },
-    /// Channels of reduced resolution.
+    /// A channel has a reduced resolution.
     #[error("{path}: channel `{channel}` is subsampled, which is not supported", path = .path.display())]
     Subsampled {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// The channel.
+        /// Name of the channel.
         channel: String,
     },
-    /// The attribute is no JSON.
+    /// The attribute `lightopt` is not JSON.
     #[error("{path}: the attribute `lightopt` is not valid JSON", path = .path.display())]
     Attribute {
-        /// The file.
+        /// Path of the EXR file.
         path: PathBuf,
-        /// Why.
+        /// Error of the JSON parser.
         #[source]
         source: serde_json::Error,
     },

@@ -1,4 +1,4 @@
-//! The lights of a scene in their order, each with the author's wishes for its variables.
+//! The lights of a scene in their order, each with its author's constraints on its variables.
 
 use std::collections::HashSet;
 
@@ -12,7 +12,7 @@ use crate::{
     light::{Light, Shape},
     math::luminance,
     scene::{Material, Mesh},
-    variables::LightWishes,
+    variables::LightConstraints,
 };
 
 impl Source<'_> {
@@ -25,11 +25,14 @@ impl Source<'_> {
         mesh: &Mesh,
         materials: &[Material],
         warnings: &mut Vec<String>,
-    ) -> Result<Vec<(Light, LightWishes)>, ImportError> {
+    ) -> Result<Vec<(Light, LightConstraints)>, ImportError> {
         let mut names = self.light_names(sidecar)?;
         let mut lights = Vec::new();
-        let from_file =
-            || LightWishes { free: sidecar.free.clone(), is_from_file: true, ..LightWishes::default() };
+        let from_file = || LightConstraints {
+            free: sidecar.free.clone(),
+            is_from_file: true,
+            ..LightConstraints::default()
+        };
         for l in imported {
             if names.insert(l.name.clone()) {
                 lights.push((punctual(l), from_file()));
@@ -40,7 +43,7 @@ impl Source<'_> {
         }
         let mut emitters = Emitters::new(mesh, materials);
         for l in &sidecar.lights {
-            lights.push((self.light(l, &mut emitters, warnings)?, self.light_wishes(sidecar, l)?));
+            lights.push((self.light(l, &mut emitters, warnings)?, self.light_constraints(sidecar, l)?));
         }
         for m in emitters.unclaimed() {
             let Some(shape) = emitters.mesh_light(m) else { continue };
@@ -77,7 +80,7 @@ impl Source<'_> {
         Ok(names)
     }
 
-    fn light_wishes(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightWishes, ImportError> {
+    fn light_constraints(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightConstraints, ImportError> {
         if let Some([lo, hi]) = l.size_range
             && !(lo > 0.0 && lo <= hi && hi.is_finite())
         {
@@ -92,7 +95,12 @@ impl Source<'_> {
             return Err(self.error(key, "a light that stops rays has no free size"));
         }
         let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
-        Ok(LightWishes { free, size_range: l.size_range, radiance_max: l.radiance_max, is_from_file: false })
+        Ok(LightConstraints {
+            free,
+            size_range: l.size_range,
+            radiance_max: l.radiance_max,
+            is_from_file: false,
+        })
     }
 }
 

@@ -20,6 +20,7 @@ use crate::{
         Cone, Distant, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere, Surroundings,
         look_frame,
     },
+    lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
 };
 
@@ -66,8 +67,9 @@ impl Source<'_> {
         }
         let size = reader.positive("size", spec.size.unwrap_or(1.0))?;
         let radiance = spec.radiance.unwrap_or_else(|| emission.map_or(1.0, luminance));
-        if !(radiance >= 0.0 && radiance.is_finite()) {
-            return Err(reader.error("radiance", format!("must be >= 0, got {radiance}")));
+        if !(0.0..=MAX_RADIANCE).contains(&radiance) {
+            let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {radiance}");
+            return Err(reader.error("radiance", message));
         }
         Ok(Light {
             name: spec.name.clone(),

@@ -8,10 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use base64::{
-    Engine as _, alphabet,
-    engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
-};
+use data_url::{DataUrl, DataUrlError};
 use gltf_json::{
     Accessor, Index, Root,
     accessor::{ComponentType, IndexComponentType},
@@ -165,20 +162,14 @@ impl File {
 
     /// The bytes of a data URI; `None` when it is not one.
     pub fn data_uri(&self, key: &str, uri: &str) -> Option<Result<Vec<u8>, ImportError>> {
-        const BASE64: GeneralPurpose = GeneralPurpose::new(
-            &alphabet::STANDARD,
-            GeneralPurposeConfig::new()
-                .with_decode_padding_mode(DecodePaddingMode::Indifferent)
-                .with_decode_allow_trailing_bits(true),
-        );
-        let rest = uri.strip_prefix("data:")?;
-        Some(match rest.split_once(',') {
-            Some((head, data)) if head.ends_with(";base64") => BASE64
-                .decode(data.trim_ascii())
-                .map_err(|e| self.error(key, format!("its data URI is not base64: {e}"))),
-            Some((_, data)) => Ok(percent_decoded(data)),
-            None => Err(self.error(key, "its data URI has no data")),
-        })
+        match DataUrl::process(uri) {
+            Ok(data) => Some(match data.decode_to_vec() {
+                Ok((bytes, _fragment)) => Ok(bytes),
+                Err(e) => Err(self.error(key, format!("its data URI is not base64: {e}"))),
+            }),
+            Err(DataUrlError::NoComma) => Some(Err(self.error(key, "its data URI has no data"))),
+            Err(DataUrlError::NotADataUrl) => None,
+        }
     }
 
     /// The bytes of a buffer view.

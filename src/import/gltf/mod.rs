@@ -1,44 +1,8 @@
 //! glTF 2.0, `.gltf` and `.glb`, through `gltf-json`.
 //!
-//! # Mapping of materials
-//!
-//! | glTF | meaning |
-//! | --- | --- |
-//! | `baseColorFactor`, `baseColorTexture` | base colour: linear Rec.709, times the sRGB-decoded image |
-//! | `metallicFactor` 1 without image | `conductor` with the base colour as reflectance at normal incidence |
-//! | otherwise | `plastic`: the base colour under a coat, mixed with metal by `metallicFactor` times image B |
-//! | `roughnessFactor` | roughness, times image G; the GGX slope is its square |
-//! | `KHR_materials_ior` | IOR of the coat or glass (1.5 when absent) |
-//! | `KHR_materials_specular` | strength of the coat, times image A; its colour is ignored |
-//! | `KHR_materials_transmission` ≥ 0.5 | `dielectric` (clear glass) |
-//! | `KHR_materials_unlit` | `diffuse`, with a warning |
-//! | `KHR_materials_pbrSpecularGlossiness` | roughly, with a warning |
-//! | `normalTexture` | normal map; tangents follow from the texture coordinates |
-//! | `emissiveFactor`, `emissiveTexture`, `KHR_materials_emissive_strength` | radiance, W·m⁻²·sr⁻¹, from both sides when `doubleSided` |
-//! | `alphaMode` `MASK` | opaque where alpha reaches `alphaCutoff`, else clear |
-//! | `alphaMode` `BLEND` | opacity |
-//! | `occlusionTexture` | ignored: the light is simulated |
-//! | other `KHR_materials_*` | ignored with a warning |
-//!
-//! Primitives without a material are diffuse grey of albedo 0.8: the format's
-//! own default, a rough metal, is hardly ever meant. A material is named as in
-//! the file or `material_N`, with `_2` and so on behind a name that is taken.
-//!
-//! All images of a material lie as its first does (texture coordinates and
-//! `KHR_texture_transform`); images repeat. Where another layout is asked for a
-//! warning says so. Vertex colours and occlusion are not read.
-//!
-//! # Mapping of the rest
-//!
-//! | glTF | meaning |
-//! | --- | --- |
-//! | default scene, else the first | what is read |
-//! | names of node, its ancestors and mesh | names that select triangles |
-//! | missing normals | flat faces, as the format asks |
-//! | skins, morph targets | in their default pose |
-//! | `EXT_mesh_gpu_instancing`, `KHR_mesh_quantization`, sparse accessors | read |
-//! | first perspective camera | camera |
-//! | `KHR_lights_punctual` | candela/683 = W·sr⁻¹, lux/683 = W·m⁻²: the 683 lm/W by which modelling tools multiply; `range` is ignored |
+//! What is read, and what of a material becomes what, is listed in `docs/formats.md`. All images of a
+//! material lie as its first does (texture coordinates and `KHR_texture_transform`): a
+//! [`Mesh`] has one set of texture coordinates.
 //!
 //! # References
 //! Khronos, *glTF 2.0 Specification*, and its registry of extensions.

@@ -1,4 +1,4 @@
-//! Joining subpaths: s = 1, t = 1 and the connections between.
+//! Connections of subpaths: next-event estimation (s = 1), splats (t = 1) and inner edges.
 
 use super::{
     super::{Context, Strategy, direct::LightChoice},
@@ -11,8 +11,7 @@ use crate::{
     sampler::Sampler,
 };
 
-/// s = 1: samples light points as seen from the last of the vertices `camera`, of which there are
-/// t ≥ 2.
+/// Strategies (1, t ≥ 2): samples light points as seen from the last of the t vertices `camera`.
 pub fn next_event<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,
@@ -68,7 +67,8 @@ pub fn next_event<const N: usize>(
     }
 }
 
-/// s ≥ 2, t ≥ 2: connects the last of the vertices `light` with the last of the vertices `camera`.
+/// Strategies (s ≥ 2, t ≥ 2): connects the last of the s vertices `light` with the last of the t
+/// vertices `camera`.
 pub fn vertices<const N: usize>(
     context: &Context<N>,
     light: &[Vertex<N>],
@@ -117,8 +117,7 @@ pub fn vertices<const N: usize>(
     });
 }
 
-/// t = 1: connects a light point and every vertex of the light subpath to the
-/// lens.
+/// Strategies (s, 1): connects a light point and every later vertex of the light subpath to the lens.
 pub fn to_camera<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,
@@ -166,7 +165,7 @@ pub fn to_camera<const N: usize>(
     }
 }
 
-/// s = 1, t = 1: a light point sampled as seen from the lens.
+/// Strategy (1, 1): samples a light point as seen from the lens.
 fn light_to_camera<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,

@@ -16,7 +16,6 @@
 
 pub mod connect;
 pub mod subpath;
-pub mod verify;
 pub mod vertex;
 pub mod weight;
 
@@ -29,7 +28,7 @@ use crate::{
 };
 pub use vertex::Vertex;
 
-/// Memory of a thread, reused from sample to sample.
+/// Subpaths of a sample; their memory is reused from sample to sample.
 #[derive(Debug, Default)]
 pub struct Workspace<'a, const N: usize = 1> {
     /// Camera subpath, `z_0` first.
@@ -38,7 +37,7 @@ pub struct Workspace<'a, const N: usize = 1> {
     pub light: Vec<Vertex<'a, N>>,
 }
 
-/// Traces both subpaths of a sample and records every connection.
+/// Traces both subpaths of a sample through `pixel` and records the contributions of all strategies.
 pub fn sample<'a, const N: usize>(
     context: &Context<'a, N>,
     sampler: &mut Sampler,

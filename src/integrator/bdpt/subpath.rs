@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::{
-    super::{Context, Heuristic, Strategy, film_position, roulette},
+    super::{Context, Heuristic, Strategy, roulette::roulette},
     vertex::{Vertex, VertexKind},
     weight::Partial,
 };
@@ -16,8 +16,7 @@ use crate::{
     scene::Edge,
 };
 
-/// Traces a camera subpath into `out` (`z_0` first) and records every light
-/// it crosses (s = 0).
+/// Traces a camera subpath into `out`, `z_0` first, and records the lights that it crosses (s = 0).
 pub fn trace_camera<'a, const N: usize>(
     context: &Context<'a, N>,
     sampler: &mut Sampler,
@@ -25,8 +24,7 @@ pub fn trace_camera<'a, const N: usize>(
     out: &mut Vec<Vertex<'a, N>>,
     recorder: &mut impl Recorder<N>,
 ) {
-    let raster = film_position(pixel, sampler.next_2d());
-    let (org, dir) = context.camera.ray(raster, sampler.next_2d());
+    let (org, dir) = context.camera_ray(sampler, pixel);
     out.clear();
     out.push(Vertex {
         kind: VertexKind::Camera,
@@ -92,7 +90,7 @@ fn cross_lights<const N: usize>(
     });
 }
 
-/// Traces a light subpath into `out` (`y_0` first); empty without lights.
+/// Traces a light subpath into `out`, `y_0` first; it is empty without lights.
 pub fn trace_light<'a, const N: usize>(
     context: &Context<'a, N>,
     sampler: &mut Sampler,
@@ -143,22 +141,22 @@ pub fn trace_light<'a, const N: usize>(
     walk.run(context, sampler, out, |_, _, _, _| {});
 }
 
-/// State of a random walk: the ray that leaves the last vertex.
+/// State of a random walk: the ray that leaves the last vertex, its throughput and densities.
 struct Walk<const N: usize> {
     org: Vec3,
     dir: Vec3,
     beta: NodeRgb<N>,
-    /// Density of `dir`; a delta lobe's probability.
+    /// Density of `dir`, sr⁻¹; for a delta lobe its probability.
     pdf: SolidAnglePdf,
-    /// Partial of the next vertex, but for `geometry`, which needs its distance.
+    /// Weight sums of the next vertex, without `geometry`, which needs its distance.
     mis: Partial,
-    /// |cos θ| over `pdf_fwd` at the last vertex.
+    /// |cos θ| of `dir` over `pdf_fwd`, at the last vertex.
     cos_over_pdf: f64,
     mode: TransportMode,
 }
 
 impl<const N: usize> Walk<N> {
-    /// The partial of a next vertex at squared distance `dist2`.
+    /// Weight sums of a next vertex at the squared distance `dist2`, m².
     fn partial(&self, h: Heuristic, dist2: f32) -> Partial {
         Partial { geometry: h.apply(self.cos_over_pdf / f64::from(dist2)), ..self.mis }
     }

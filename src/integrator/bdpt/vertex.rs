@@ -9,12 +9,12 @@ use crate::{
     scene::SurfaceInteraction,
 };
 
-/// What a vertex lies on.
+/// Place of a vertex: lens, light or surface.
 #[derive(Clone, Copy, Debug)]
 pub enum VertexKind<'a> {
     /// A point of the lens.
     Camera,
-    /// The origin of a light subpath.
+    /// Origin of a light subpath on a light.
     Light(LightId),
     /// A surface.
     Surface(SurfaceInteraction<'a>),
@@ -23,30 +23,29 @@ pub enum VertexKind<'a> {
 /// A vertex of a camera or light subpath.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex<'a, const N: usize = 1> {
-    /// What it lies on.
+    /// Place of the vertex.
     pub kind: VertexKind<'a>,
     /// Position, metres.
     pub p: Vec3,
-    /// Unit direction toward the previous vertex of the subpath.
+    /// Unit direction toward the previous vertex of the subpath; zero at the first.
     pub wo: Vec3,
-    /// Throughput from the subpath's start up to this vertex, its own
-    /// scattering not included.
+    /// Throughput from the start of the subpath up to this vertex, without scattering at the vertex.
     pub beta: NodeRgb<N>,
-    /// Light of a light subpath.
+    /// Light on which a light subpath begins.
     pub light: LightId,
-    /// Origin of a light subpath.
+    /// Point on which a light subpath begins.
     pub at: LightPoint,
-    /// Density with which the subpath's own sampling made this vertex, m⁻²
-    /// (for `y_0` with the light's selection probability).
+    /// Density with which the subpath's own sampling made this vertex, m⁻²; for `y_0` with the light's
+    /// selection probability.
     pub pdf_fwd: f64,
-    /// Whether the direction onward was drawn from a delta lobe.
+    /// Whether the direction to the next vertex was drawn from a delta lobe.
     pub delta: bool,
-    /// Weight recurrence, see [`super::weight`].
+    /// Sums of the weights' recurrence, see [`super::weight`].
     pub mis: super::weight::Partial,
 }
 
 impl<'a, const N: usize> Vertex<'a, N> {
-    /// Geometric normal; `None` where there is no surface (lens, light).
+    /// Surface on which the vertex lies; `None` for a vertex on the lens or on a light.
     #[must_use]
     pub fn surface(&self) -> Option<&SurfaceInteraction<'a>> {
         match &self.kind {
@@ -55,19 +54,21 @@ impl<'a, const N: usize> Vertex<'a, N> {
         }
     }
 
-    /// |cos| between the surface and `w`; 1 where there is none.
+    /// |cos| between the geometric normal and unit `w`; 1 where there is no surface.
     #[must_use]
     pub fn abs_cos(&self, w: Vec3) -> f32 {
         self.surface().map_or(1.0, |si| si.ng.dot(w).abs())
     }
 
-    /// Whether a connection may end here.
+    /// Whether a connection may end at the vertex: only on a surface that does more than scatter by delta
+    /// lobes.
     #[must_use]
     pub fn connectible(&self) -> bool {
         self.surface().is_some_and(|si| si.bsdf.has_non_delta())
     }
 
-    /// Scattering between the previous vertex and `wi`; none where there is no surface.
+    /// Scattering function and densities between the previous vertex and unit `wi`; zero where there is
+    /// no surface.
     #[must_use]
     pub fn scatter(&self, wi: Vec3, mode: TransportMode) -> Scattering {
         self.surface().map_or(Scattering::ZERO, |si| si.scatter(self.wo, wi, mode))

@@ -30,8 +30,8 @@
 
 use crate::integrator::Heuristic;
 
-/// What a vertex v_j of a subpath remembers of the strategies with fewer
-/// vertices on its side.
+/// Sums over the strategies with fewer vertices on one side than a vertex v_j of a subpath has, as far
+/// as they are known when v_j is made.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Partial {
     /// c_j, given that v_j itself is not delta: whether (and, next to a light,
@@ -45,15 +45,14 @@ pub struct Partial {
 }
 
 impl Partial {
-    /// Σ of the strategies with fewer vertices than end at v_j, over r_j:
-    /// `pdf_rev` is the density of v_j → v_{j-1} given the connection.
+    /// Sum over the strategies with fewer vertices on this side, divided by r_j, where `pdf_rev` is the
+    /// density of v_j → v_{j-1} given the connection, sr⁻¹.
     #[must_use]
     pub fn close(&self, h: Heuristic, pdf_rev: f32) -> f64 {
         self.previous + h.apply(f64::from(pdf_rev)) * self.geometry * self.inner
     }
 
-    /// The partial of v_{j+1}, made from v_j (with this partial) by sampling,
-    /// but for `geometry`, which needs the distance:
+    /// Sums of v_{j+1}, sampled from v_j, without `geometry`, which needs the distance:
     /// * `pdf_rev`: density of v_j → v_{j-1} given v_{j+1}
     /// * `delta`: whether v_j scattered by a delta lobe
     #[must_use]

@@ -1,24 +1,7 @@
 //! Signature libraries: signatures learned from photographs, with where they came from.
 //!
-//! ```toml
-//! schema = 1
-//! program = "lightopt-embree 0.1.0"
-//! longest_side = 512         # pixels; what the photographs were reduced to
-//!
-//! [[classes]]
-//! name = "high"
-//! method = "mean"            # or "barycentre"
-//! count = 2
-//! outliers = []
-//! cumulated = [256 rising values, the last 1]
-//!
-//! [[classes.photos]]
-//! file = "a.jpg"
-//! sha256 = "…"               # of the file's bytes, in hexadecimal
-//! ```
-//!
-//! `name` and `cumulated` are all a class needs; the rest is provenance. A class is named by
-//! `FILE.toml#CLASS`. Unknown keys are refused.
+//! A class is named by `FILE.toml#CLASS`. `name` and `cumulated` are all that a class needs; the rest is
+//! provenance. The keys are listed in `docs/formats.md`; unknown ones are refused.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,65 +10,67 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Shape, Signature, SignatureError};
-use crate::files::nearest;
 use crate::files::toml_file::{self, TomlError};
+use crate::files::{did_you_mean, nearest};
 
-/// The only version of libraries so far.
+/// Version of the format of libraries, the only one so far.
 const SCHEMA: u32 = 1;
 
-/// Longest side to which a photograph is reduced before it is measured, pixels.
+/// Longest side to which a photograph is reduced by default before it is measured, pixels. Its
+/// 10⁵ pixels give the values of the cumulated histogram with standard errors of at most 0.0016, even if
+/// they were independent, and photographs of one size compare in g, which depends on it.
 pub const LONGEST_SIDE: u32 = 512;
 
-/// Why a library is refused.
+/// Why a signature library, or a class of it, cannot be had.
 #[derive(Debug, Error)]
 pub enum LibraryError {
     /// The file cannot be read.
     #[error("{path}: cannot read the signature library", path = path.display())]
     Read {
-        /// The file.
+        /// Path of the library.
         path: PathBuf,
-        /// Why.
+        /// Error of the operating system.
         #[source]
         source: std::io::Error,
     },
-    /// Not TOML, or not of this structure.
+    /// The file is not TOML, or not of the structure of a library.
     #[error(transparent)]
     Syntax(#[from] TomlError),
-    /// A value that is not allowed.
+    /// A value is not allowed at its key.
     #[error("{path}: `{key}`: {expected}", path = path.display())]
     Value {
-        /// The file.
+        /// Path of the library.
         path: PathBuf,
-        /// The key.
+        /// Key of the value, with the names of the tables around it.
         key: String,
-        /// What is wrong, and what is allowed.
+        /// What is allowed there, and what was found.
         expected: String,
     },
-    /// Cumulated values that are no distribution.
+    /// The cumulated values of a class are no distribution.
     #[error("{path}: `classes.cumulated` of `{class}`", path = path.display())]
     Signature {
-        /// The file.
+        /// Path of the library.
         path: PathBuf,
-        /// The class.
+        /// Name of the class.
         class: String,
-        /// What is wrong with it.
+        /// What is wrong with its values.
         #[source]
         source: SignatureError,
     },
-    /// No class of this name.
+    /// The library has no class of this name.
     #[error(
         "{path}: no class `{name}`{}; the library has {known}",
-        nearest.as_deref().map(|n| format!(", did you mean `{n}`?")).unwrap_or_default(),
+        did_you_mean(nearest.as_deref()),
         path = path.display()
     )]
     NoClass {
-        /// The file.
+        /// Path of the library.
         path: PathBuf,
-        /// What was asked for.
+        /// Name of the class that was asked for.
         name: String,
-        /// The class it resembles.
+        /// Class whose name it resembles, if there is one.
         nearest: Option<String>,
-        /// The classes there are.
+        /// Names of the classes that there are, separated by commas.
         known: String,
     },
 }
@@ -94,10 +79,10 @@ pub enum LibraryError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// Their mean.
+    /// The mean of the cumulated histograms.
     #[default]
     Mean,
-    /// Their Wasserstein barycentre: the mean of the quantile functions.
+    /// The Wasserstein barycentre of the histograms: the mean of their quantile functions.
     Barycentre,
 }
 
@@ -105,46 +90,46 @@ pub enum Method {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoRecord {
-    /// Name of the file, without folder.
+    /// Name of the photograph's file, without folder.
     pub file: String,
-    /// SHA-256 of its bytes, in hexadecimal.
+    /// SHA-256 of the bytes of the file, in hexadecimal.
     pub sha256: String,
 }
 
-/// A signature with its provenance.
+/// A class of photographs: the signature that was learned from them, with where it came from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Class {
-    /// Its name: letters, digits, `-` and `_`.
+    /// Name of the class: letters, digits, `-` and `_`.
     pub name: String,
-    /// How the photographs were combined.
+    /// How the histograms of the photographs were combined.
     #[serde(default)]
     pub method: Method,
-    /// Number of photographs.
+    /// Number of photographs that the signature was learned from.
     #[serde(default)]
     pub count: usize,
-    /// Files of the photographs unlike the rest of the class.
+    /// Names of the files whose photographs are unlike the rest of the class.
     #[serde(default)]
     pub outliers: Vec<String>,
-    /// The signature: 256 cumulated values.
+    /// Signature of the class: for each of 256 bins the share of pixels below its upper edge.
     pub cumulated: Vec<f64>,
-    /// The photographs.
+    /// Photographs that the signature was learned from.
     #[serde(default)]
     pub photos: Vec<PhotoRecord>,
 }
 
-/// A signature library.
+/// A file of signatures that were learned from photographs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Library {
     schema: u32,
-    /// Program and version that learned it.
+    /// Name and version of the program that learned the signatures.
     #[serde(default)]
     pub program: String,
-    /// Longest side to which the photographs were reduced, pixels.
+    /// Longest side to which the photographs were reduced before they were measured, pixels.
     #[serde(default = "longest_side")]
     pub longest_side: u32,
-    /// The signatures.
+    /// Classes of photographs, each with its signature, in the order of the file.
     pub classes: Vec<Class>,
 }
 
@@ -152,13 +137,13 @@ fn longest_side() -> u32 {
     LONGEST_SIDE
 }
 
-/// Whether a class may have this name: it becomes part of file names and follows a `#`.
+/// Whether a class may have this name, which becomes a part of file names and follows a `#`.
 #[must_use]
 pub fn is_class_name(name: &str) -> bool {
     !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '-' || c == '_')
 }
 
-/// File and class of `FILE.toml#CLASS`; `None` of anything else.
+/// File and class that `FILE.toml#CLASS` names; `None` if the text is of another form.
 #[must_use]
 pub fn split_reference(text: &str) -> Option<(&Path, &str)> {
     let (file, class) = text.rsplit_once('#')?;
@@ -167,14 +152,15 @@ pub fn split_reference(text: &str) -> Option<(&Path, &str)> {
 }
 
 impl Library {
-    /// A library of these classes, made by this program.
+    /// A library of `classes`, learned by this program from photographs of at most `longest_side` pixels
+    /// a side.
     #[must_use]
     pub fn new(longest_side: u32, classes: Vec<Class>) -> Self {
         let program = concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")).to_owned();
         Self { schema: SCHEMA, program, longest_side, classes }
     }
 
-    /// Reads a library.
+    /// Reads and checks a library.
     ///
     /// # Errors
     /// With file and key, when it is no valid one.
@@ -218,7 +204,7 @@ impl Library {
         })
     }
 
-    /// The signatures, in the order of the file; `path` is for messages only.
+    /// Signatures of all classes, in the order of the file; `path` is for messages only.
     ///
     /// # Errors
     /// When one is no distribution.
@@ -226,13 +212,13 @@ impl Library {
         self.classes.iter().map(|class| self.to_signature(class, path)).collect()
     }
 
-    /// Names of the classes, for people.
+    /// Names of the classes, separated by commas.
     #[must_use]
     pub fn names(&self) -> String {
         self.classes.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")
     }
 
-    /// The signature `class` of the library at `path`.
+    /// Signature of a class of the library at `path`.
     ///
     /// # Errors
     /// When the library is no valid one or has no such class.
@@ -250,7 +236,7 @@ impl Library {
         library.to_signature(found, path)
     }
 
-    /// The text of the file.
+    /// Text of the file that reads as this library again.
     ///
     /// # Errors
     /// Never; the serialiser's signature has them.

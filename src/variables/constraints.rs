@@ -1,16 +1,16 @@
-//! What a scene's author wishes of the variables.
+//! Constraints that a scene's author sets on the variables, in the sidecar.
 
 use serde::{Deserialize, Serialize};
 
 use super::VariableKind;
 
-/// Kinds of variables that may vary.
+/// Kinds of variables that are free.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct FreeKinds(pub Vec<VariableKind>);
 
 impl Default for FreeKinds {
-    /// All of them.
+    /// All kinds are free.
     fn default() -> Self {
         Self(VariableKind::all().collect())
     }
@@ -23,40 +23,40 @@ impl FreeKinds {
         Self(keywords.iter().filter_map(|word| VariableKind::named(word)).collect())
     }
 
-    /// Whether the kind of a keyword may vary.
+    /// Whether the kind with a keyword is free.
     #[must_use]
     pub fn contains(&self, keyword: &str) -> bool {
         self.0.iter().any(|kind| kind.keyword() == keyword)
     }
 
-    /// The kinds that are in both.
+    /// Kinds that are free in both.
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
         Self(self.0.iter().copied().filter(|kind| other.0.contains(kind)).collect())
     }
 }
 
-/// Bounds and freedom of the variables, as the scene's author wants them.
+/// Freedom and bounds of the variables, as the scene's author wants them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Wishes {
-    /// What may vary at all.
+pub struct Constraints {
+    /// Kinds of variables that are free in the scene.
     pub free: FreeKinds,
-    /// Wishes per light, in the scene's order.
-    pub lights: Vec<LightWishes>,
-    /// Bounds of the background's value.
+    /// Freedom and bounds of each light's variables, in the scene's order.
+    pub lights: Vec<LightConstraints>,
+    /// Bounds of the background's value; `None` for those that the materials set.
     pub value_range: Option<[f32; 2]>,
 }
 
-/// What the author wishes of a light.
+/// Freedom and bounds of the variables of a light.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightWishes {
-    /// What may vary of it.
+pub struct LightConstraints {
+    /// Kinds of variables that are free for the light.
     pub free: FreeKinds,
-    /// Bounds of the size.
+    /// Bounds of the size; `None` for those that the geometry sets.
     pub size_range: Option<[f32; 2]>,
-    /// Upper bound of the radiance.
+    /// Upper bound of the radiance; `None` for that of the survey.
     pub radiance_max: Option<f32>,
-    /// Whether the scene file happens to have the light and the sidecar does not name it: it may
-    /// then light nothing.
+    /// Whether the light comes from the scene file and the sidecar does not name it, so that it may light
+    /// nothing of the picture.
     pub is_from_file: bool,
 }

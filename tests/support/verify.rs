@@ -1,43 +1,44 @@
-//! The weights again, straight from their definition: for tests.
+//! Weights of the bidirectional strategies straight from their definition.
 //!
-//! [`reference_weight`] multiplies out the density of every strategy of a
-//! complete path, in O(n²); the renderer's recurrences must give the same.
+//! [`reference_weight`] multiplies out the density of every strategy of a complete path, in O(n²);
+//! the renderer's recurrences must give the same.
 
 use glam::{UVec2, Vec3};
 
-use super::{Workspace, vertex::Vertex};
-use crate::{
+use lightopt_embree::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    integrator::Context,
+    integrator::{
+        Context,
+        bdpt::{Vertex, Workspace, sample},
+    },
     light::{LightId, LightPoint},
     sampler::Sampler,
     scene::SurfaceInteraction,
 };
 
-/// A vertex of a complete path, light first.
+/// A vertex of a complete path.
 #[derive(Clone, Copy, Debug)]
 pub struct PathVertex<'a> {
     /// Position, metres.
     pub p: Vec3,
     /// The surface; `None` on the light and on the lens.
     pub si: Option<SurfaceInteraction<'a>>,
-    /// Whether light is scattered by a delta lobe here.
+    /// Whether the path is scattered by a delta lobe at this vertex.
     pub delta: bool,
 }
 
 /// The end of a path on a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightEnd {
-    /// Which light.
+    /// The light.
     pub id: LightId,
-    /// Where.
+    /// The point on it.
     pub at: LightPoint,
 }
 
 /// Weight of the strategy with `s` light vertices for the path `x` (light
 /// first, lens last). \[Veach97\] eq. 9.8 with densities by eq. 10.6.
-#[must_use]
 pub fn reference_weight(context: &Context, end: LightEnd, x: &[PathVertex], s: usize) -> f64 {
     let densities = densities(context, end, x);
     let h = context.integrator.heuristic;
@@ -47,7 +48,6 @@ pub fn reference_weight(context: &Context, end: LightEnd, x: &[PathVertex], s: u
 
 /// Area-product densities of all strategies of a path, s = 0 first, times the
 /// number of samples; zero where the strategy does not exist. Delta densities count as one.
-#[must_use]
 pub fn densities(context: &Context, end: LightEnd, x: &[PathVertex]) -> Vec<f64> {
     let k = x.len() - 1;
     let n_light_samples = f64::from(context.samples_at(k - 1));
@@ -133,7 +133,7 @@ pub fn compare_weights(context: &Context, sampler: &mut Sampler, pixel: UVec2) -
     let mut found: Vec<Contribution> = Vec::new();
     let mut workspace = Workspace::default();
     let mut recorder = |_raster: Option<glam::Vec2>, c: &Contribution| found.push(*c);
-    super::sample(context, sampler, pixel, &mut workspace, as_recorder(&mut recorder));
+    sample(context, sampler, pixel, &mut workspace, as_recorder(&mut recorder));
     found
         .into_iter()
         .map(|c| {

@@ -1,0 +1,77 @@
+//! Derivatives by the pixels of a picture, summed over the terms.
+
+use multiversion::multiversion;
+
+use super::picture::Picture;
+use super::region::Region;
+
+/// The adjoint picture `∂f/∂l` while terms add to it.
+///
+/// Derivatives of means and variances are affine in the luminance of a pixel, with one line for each
+/// region. Lines are collected and drawn in one pass over the picture, before anything that is added
+/// later to single pixels.
+pub(super) struct Adjoint<'a> {
+    /// The picture by which is differentiated.
+    pub(super) picture: &'a Picture<'a>,
+    /// Lines that are not drawn yet, in the order of [`Region`].
+    lines: Option<[Line; 2]>,
+    out: &'a mut [f64],
+}
+
+/// The function `constant + slope · l` of a pixel's luminance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
+    constant: f64,
+    slope: f64,
+}
+
+impl<'a> Adjoint<'a> {
+    /// An adjoint that adds to `out`, which has the size of the picture.
+    ///
+    /// # Panics
+    /// When `out` has another size.
+    pub(super) fn new(picture: &'a Picture<'a>, out: &'a mut [f64]) -> Self {
+        assert_eq!(out.len(), picture.l.len(), "the adjoint must have the picture's size");
+        Self { picture, lines: None, out }
+    }
+
+    /// Adds `d · ∂mean/∂l` of a region.
+    pub(super) fn add_mean(&mut self, region: Region, d: f64) {
+        let count = self.picture.regions.count(region);
+        self.line(region).constant += d / count;
+    }
+
+    /// Adds `d · ∂σ²/∂l` of a region whose mean is `mean`; the mean's own dependence on `l` drops out.
+    pub(super) fn add_variance(&mut self, region: Region, d: f64, mean: f64) {
+        let slope = 2.0 * d / self.picture.regions.count(region);
+        let line = self.line(region);
+        line.constant -= slope * mean;
+        line.slope += slope;
+    }
+
+    /// The adjoint picture with all lines drawn, to which more may be added pixel by pixel.
+    pub(super) fn pixels(&mut self) -> &mut [f64] {
+        if let Some([object, background]) = self.lines.take() {
+            add_lines(self.picture.l, self.picture.regions.mask(), object, background, self.out);
+        }
+        self.out
+    }
+
+    /// Draws the lines that are left.
+    pub(super) fn finish(mut self) {
+        self.pixels();
+    }
+
+    fn line(&mut self, region: Region) -> &mut Line {
+        &mut self.lines.get_or_insert_default()[region as usize]
+    }
+}
+
+/// Adds to `out` the object's or the background's line at `l`.
+#[multiversion(targets = "simd")]
+fn add_lines(l: &[f64], mask: &[bool], object: Line, background: Line, out: &mut [f64]) {
+    for ((out, &l), &on_object) in out.iter_mut().zip(l).zip(mask) {
+        let line = if on_object { object } else { background };
+        *out += line.constant + line.slope * l;
+    }
+}

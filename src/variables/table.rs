@@ -1,0 +1,47 @@
+//! The table of all kinds of variables.
+
+use serde::{Deserialize, Deserializer, de::Error as _};
+
+use super::{Kind, Owner, VariableKind, background::Background, radiance::Radiance, size::Size};
+
+/// All kinds of variables, in the order in which the variables of a light are listed.
+pub static KINDS: [&dyn Kind; 3] = [&Radiance, &Size, &Background];
+
+/// Keywords of all kinds, in the order of [`KINDS`].
+const KEYWORDS: [&str; 3] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD];
+
+impl VariableKind {
+    /// All kinds of variables, in the order of [`KINDS`].
+    pub fn all() -> impl Iterator<Item = Self> {
+        KINDS.into_iter().map(Self)
+    }
+
+    /// Kind with a keyword; `None` if there is none.
+    #[must_use]
+    pub fn named(keyword: &str) -> Option<Self> {
+        Self::all().find(|kind| kind.keyword() == keyword)
+    }
+
+    /// Kind and light, by its index in `lights`, of the variable called `name`; the index is 0 for a
+    /// variable of the scene. `None` if there is no such variable.
+    #[must_use]
+    pub fn of_name(name: &str, lights: &[String]) -> Option<(Self, usize)> {
+        let (owner, suffix) = name.rsplit_once('.')?;
+        let of_light = |kind: &Self| kind.owner() == Owner::Light && kind.suffix() == suffix;
+        let of_scene = |kind: &Self| match kind.owner() {
+            Owner::Scene(part) => part == owner && kind.suffix() == suffix,
+            Owner::Light => false,
+        };
+        if let Some(kind) = Self::all().find(of_scene) {
+            return Some((kind, 0));
+        }
+        Some((Self::all().find(of_light)?, lights.iter().position(|light| light == owner)?))
+    }
+}
+
+impl<'de> Deserialize<'de> for VariableKind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let word = String::deserialize(deserializer)?;
+        Self::named(&word).ok_or_else(|| D::Error::unknown_variant(&word, &KEYWORDS))
+    }
+}
