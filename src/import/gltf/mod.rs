@@ -2,7 +2,7 @@
 //!
 //! What is read, and what of a material becomes what, is listed in `docs/formats.md`. All images of a
 //! material lie as its first does (texture coordinates and `KHR_texture_transform`): a
-//! [`Mesh`] has one set of texture coordinates.
+//! [`Mesh`](crate::scene::Mesh) has one set of texture coordinates.
 //!
 //! # References
 //! Khronos, *glTF 2.0 Specification*, and its registry of extensions.
