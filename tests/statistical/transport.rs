@@ -32,7 +32,7 @@ fn a_closed_furnace_gives_the_geometric_series() {
 }
 
 fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
-    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 2 * spp);
+    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 4 * spp);
     let subject = Subject::new(scene).with_camera_subpaths(camera_subpaths);
     let bdpt = subject.measure(&BDPT, SamplerKind::Sobol, 2, n, spp);
     assert_same(&scene.name, &path, &bdpt);
