@@ -1,0 +1,81 @@
+#!/bin/sh
+# Blender 5.0.1 exports an area lamp to USD without its spread (UsdLux has `shaping:focus` and
+# `shaping:cone:angle` for it) and without a word. As Cycles keeps the power when it narrows, the same lamp
+# read back, 180 degrees wide, is 10 times darker where it points.
+set -eu
+dir=$(mktemp -d)
+trap 'rm -rf "$dir"' EXIT
+python3.11 -m venv "$dir/venv"
+"$dir/venv/bin/pip" install -q bpy==5.0.1  # needs Debian's libxrender1 libxi6 libxkbcommon0 libsm6 libgl1 libegl1 libxfixes3
+cat > "$dir/try.py" <<'EOF'
+import math
+import os
+import sys
+
+import bpy
+import numpy as np
+
+
+def room():
+    """A white diffuse floor 5 m below where the lamp goes, seen from above by a tiny camera."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 64
+    scene.cycles.max_bounces = 0
+    scene.cycles.use_denoising = False
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    material = bpy.data.materials.new("white")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    diffuse = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    diffuse.inputs[0].default_value = (1, 1, 1, 1)
+    tree.links.new(diffuse.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    bpy.ops.mesh.primitive_plane_add(size=2)
+    bpy.context.object.data.materials.append(material)
+    camera = bpy.data.cameras.new("camera")
+    camera.type, camera.ortho_scale = "ORTHO", 0.05
+    scene.camera = bpy.data.objects.new("camera", camera)
+    scene.camera.location = (0, 0, 1)
+    scene.collection.objects.link(scene.camera)
+    return scene
+
+
+def lamp(scene, kind, **properties):
+    data = bpy.data.lights.new("lamp", kind)
+    for name, value in properties.items():
+        setattr(data, name, value)
+    thing = bpy.data.objects.new("lamp", data)
+    thing.location = (0, 0, 5)
+    scene.collection.objects.link(thing)
+    return data
+
+
+def floor_rgb(scene):
+    """Linear radiance of the floor under the lamp."""
+    path = os.path.join(sys.argv[1], "picture.exr")
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(path, check_existing=False)
+    return np.array(image.pixels[:]).reshape(-1, 4)[:, :3].mean(axis=0)
+
+
+
+scene = room()
+lamp(scene, "AREA", energy=100, shape="RECTANGLE", size=1, size_y=0.5, spread=1.0)
+before = floor_rgb(scene)[1]
+path = os.path.join(sys.argv[1], "lamp.usda")
+bpy.ops.wm.usd_export(filepath=path)
+scene = room()
+bpy.ops.wm.usd_import(filepath=path, import_meshes=False, import_cameras=False, import_materials=False)
+found = next(thing.data for thing in bpy.data.objects if thing.type == "LIGHT")
+after = floor_rgb(scene)[1]
+print("seen: bpy", bpy.app.version_string, "spread read back:", found.spread, "floor before", before, "after", after)
+assert "shaping:" not in open(path).read()
+assert abs(found.spread - math.pi) < 1e-3 and 9 < before / after < 12
+EOF
+"$dir/venv/bin/python" "$dir/try.py" "$dir" > "$dir/log" 2>&1 || { cat "$dir/log"; echo "behaviour changed"; exit 1; }
+grep "^seen:" "$dir/log"
