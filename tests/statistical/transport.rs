@@ -32,7 +32,10 @@ fn a_closed_furnace_gives_the_geometric_series() {
 }
 
 fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
-    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, 4 * spp);
+    // Where one of the two is the noisier by far, samples of the other buy no power: of both pictures'
+    // noise, path tracing holds most in glass and half in the plain boxes, little elsewhere.
+    let noisy = ["cornell", "glossy_floor", "rough_glass", "smooth_glass"].contains(&scene.name.as_str());
+    let path = measure(scene, &PATH, SamplerKind::Sobol, 1, n, if noisy { 4 * spp } else { 2 * spp });
     let subject = Subject::new(scene).with_camera_subpaths(camera_subpaths);
     let bdpt = subject.measure(&BDPT, SamplerKind::Sobol, 2, n, spp);
     assert_same(&scene.name, &path, &bdpt);
@@ -41,7 +44,7 @@ fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
 #[test]
 fn path_equals_bdpt_in_every_scene() {
     for (i, make) in scenes::ALL.into_iter().enumerate() {
-        path_equals_bdpt(&make((32, 32)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
+        path_equals_bdpt(&make((24, 24)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
     }
 }
 
