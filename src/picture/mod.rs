@@ -4,7 +4,7 @@
 //! A picture is kept as its samples were decoded, with what they mean, and becomes linear
 //! Rec.709 where it is used. Integer samples are sRGB-encoded and floating point is linear,
 //! unless the file says otherwise; transparency is straight, but for EXR and for TIFF that says
-//! so. What is honoured of each format is listed in `docs/formats.md`.
+//! so. What is honoured of each format is listed in `docs/formats-pictures.md`.
 //!
 //! # References
 //! \[IEC61966\] (sRGB), \[PNG3\] (gAMA, cHRM, sRGB, cICP), \[TIFF6\] (SampleFormat, ExtraSamples),
