@@ -22,6 +22,7 @@
 //! | --- | --- |
 //! | [`math`] | colour, display encoding, frames, densities, warps, distributions, statistics |
 //! | [`files`] | atomic writing, TOML with helpful errors |
+//! | [`picture`] | reading the pictures of other programs |
 //! | [`embree`] | ray queries |
 //! | [`bsdf`] | scattering at surfaces |
 //! | [`light`] | light sources that can be resized for free |
@@ -62,6 +63,7 @@
 //! - \[Ericson04\] C. Ericson, *Real-Time Collision Detection*, Morgan Kaufmann 2004.
 //! - \[Gablonsky01\] J. M. Gablonsky, C. T. Kelley, *A Locally-Biased Form of the DIRECT
 //!   Algorithm*, Journal of Global Optimization 21, 2001.
+//! - \[H273\] Recommendation ITU-T H.273, *Coding-independent code points*, 2021.
 //! - \[Georgiev12\] I. Georgiev et al., *Light Transport Simulation with Vertex Connection
 //!   and Merging*, ACM TOG 31(6), 2012.
 //! - \[He15\] Z. He, X. Wang, *On the Convergence Rate of Randomized Quasi-Monte Carlo for
@@ -72,6 +74,7 @@
 //!   hal-02073696, 2019.
 //! - \[Hunter15\] F. Hunter, S. Biver, P. Fuqua, *Light: Science & Magic*, 5th ed., Focal
 //!   Press 2015.
+//! - \[ICC\] International Color Consortium, *ICC.1:2022*.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
@@ -81,6 +84,7 @@
 //!   88-28, 1988.
 //! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,
 //!   Technometrics 3(4), 1961.
+//! - \[Lindbloom\] B. Lindbloom, *RGB/XYZ Matrices*, *Chromatic Adaptation*.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.
@@ -90,6 +94,7 @@
 //!   JGT 2(1), 1997.
 //! - \[Nocedal80\] J. Nocedal, *Updating Quasi-Newton Matrices with Limited Storage*, Math.
 //!   Comp. 35, 1980.
+//! - \[OpenEXR\] *OpenEXR File Layout*, *Technical Introduction to OpenEXR*.
 //! - \[PBRT3\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 3rd ed.,
 //!   2016.
 //! - \[PBRT4\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 4th ed.,
@@ -98,6 +103,8 @@
 //!   Pacific Graphics short papers, 2014.
 //! - \[Peyre19\] G. Peyré, M. Cuturi, *Computational Optimal Transport*, Found. Trends Mach.
 //!   Learn. 11(5-6), 2019.
+//! - \[PNG3\] W3C, *Portable Network Graphics*, 3rd ed., 2025.
+//! - \[Radiance\] G. Ward, *Radiance File Formats*.
 //! - \[Roberts18\] M. Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*,
 //!   2018.
 //! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
@@ -108,10 +115,14 @@
 //!   2(3), 1997.
 //! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number
 //!   Generators*, OOPSLA 2014.
+//! - \[T81\] Recommendation ITU-T T.81, JPEG, 1992.
+//! - \[TGA2\] *Truevision TGA File Format Specification*, version 2.0, 1991.
 //! - \[Thompson86\] I. Thompson, A. Barnett, *Coulomb and Bessel Functions of Complex
 //!   Arguments and Order*, J. Comput. Phys. 64, 1986 (the modified Lentz algorithm).
 //! - \[Thurmer98\] G. Thürmer, C. Wüthrich, *Computing Vertex Normals from Polygonal
 //!   Facets*, JGT 3(1), 1998.
+//! - \[TIFF6\] Adobe, *TIFF*, revision 6.0, 1992.
+//! - \[TIFFTN2\] Adobe, *TIFF Technical Note 2: JPEG*, 1995.
 //! - \[vanAntwerpen11\] D. van Antwerpen, *Recursive MIS Computation for Streaming BDPT on
 //!   the GPU*, TU Delft 2011.
 //! - \[Veach97\] E. Veach, *Robust Monte Carlo Methods for Light Transport Simulation*,
@@ -145,6 +156,7 @@ pub mod math;
 pub mod objective;
 pub mod optim;
 pub mod photo;
+pub mod picture;
 pub mod sampler;
 pub mod scene;
 pub mod transport;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::common::say_notes;
 use super::output::print;
 use crate::objective::LuminanceMode;
 use crate::objective::histogram::{Cumulated, f_hist};
@@ -29,13 +30,17 @@ use crate::photo::Photo;
     Pictures are turned upright and reduced to the size the signatures were learned at (512\n\
     pixels for the built-in ones); an EXR of this program brings its exposure.")]
 pub struct ClassifyArgs {
-    /// Pictures: JPEG, PNG, TIFF (sRGB), EXR (linear)
+    /// Pictures: JPEG, PNG, TIFF, WebP, BMP, TGA (sRGB), EXR, HDR (linear)
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<PathBuf>,
 
     /// Signature library, as `learn-signature` writes it [default: the built-in signatures]
     #[arg(long, value_name = "FILE")]
     pub signatures: Option<PathBuf>,
+
+    /// Layer of EXRs that have several [default: the one that is the picture, by its name]
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
 
     /// Print a JSON list, an object for each picture, in full precision instead of a table
     #[arg(long)]
@@ -66,7 +71,9 @@ pub fn classify(args: &ClassifyArgs) -> anyhow::Result<()> {
     let known: Vec<(&str, Cumulated)> = signatures.iter().map(|s| (s.name(), s.cumulated())).collect();
     let mut verdicts = Vec::new();
     for image in &args.images {
-        let q = Photo::read(image, None)?.reduced(longest).cumulated(LuminanceMode::Srgb);
+        let photo = Photo::read(image, None, args.layer.as_deref())?;
+        say_notes(image, photo.notes(), true);
+        let q = photo.reduced(longest).cumulated(LuminanceMode::Srgb);
         let mut distances: Vec<(&str, f64)> = known.iter().map(|(name, p)| (*name, f_hist(p, &q))).collect();
         distances.sort_by(|a, b| a.1.total_cmp(&b.1));
         verdicts.push(Verdict { image, distances });

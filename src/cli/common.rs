@@ -17,6 +17,7 @@ use crate::{
     integrator::{Integrator, IntegratorKind},
     lighting::{Lighting, MAX_EXPOSURE},
     math::display::LuminanceMode,
+    picture::Note,
     sampler::SamplerKind,
     scene::Scene,
     variables::{KINDS, VariableKind},
@@ -193,6 +194,24 @@ pub fn parse_spp(text: &str) -> Result<u32, String> {
         Ok(n @ 1..=1_048_576) => Ok(n),
         _ => Err("must be a whole number from 1 to 1048576".to_owned()),
     }
+}
+
+/// Says what people should hear of how a picture was read; `has_layer` when `--layer` could choose
+/// another of its layers.
+pub fn say_notes(path: &Path, notes: &[Note], has_layer: bool) {
+    for note in notes {
+        let choice = match note {
+            Note::Layer { .. } if has_layer => "; --layer NAME chooses another",
+            _ => "",
+        };
+        say_note(&format!("{}: {note}{choice}", path.display()));
+    }
+}
+
+/// Writes a note to standard error.
+pub fn say_note(note: &str) {
+    // Standard error may be closed.
+    let _ = writeln!(std::io::stderr(), "note: {note}");
 }
 
 /// Loads a scene and prints what its loader noticed.

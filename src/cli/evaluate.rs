@@ -8,13 +8,15 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::common::{say_note, say_notes};
 use super::{LuminanceArg, parse_exposure, print};
-use crate::film::exr::{ExrImage, read_exr};
-use crate::film::image_file::{
-    LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
-};
+use crate::film::image_file::{MaskImage, read_mask};
 use crate::objective::{Evaluation, Goal, LuminanceMode, Objective, Target};
 use crate::photo::Look;
+use crate::picture::{Picture, PictureError, Purpose, Reading};
+
+/// Bytes of a pixel beside the picture: its brightness and its mask.
+const MEASURED: usize = 9;
 
 /// Measure a picture against a target and print f_q with its six terms
 ///
@@ -37,7 +39,7 @@ use crate::photo::Look;
     lightopt-embree evaluate photo.png --mask object.png --target low-key --json\n  \
     lightopt-embree evaluate runs/still-portrait/final.exr --target portrait.jpg --target-mask face.png")]
 pub struct EvaluateArgs {
-    /// Picture to measure: EXR (linear), or PNG, JPEG, TIFF (sRGB)
+    /// Picture to measure: EXR or HDR (linear), PNG, JPEG, TIFF, WebP, BMP or TGA (sRGB)
     #[arg(value_name = "IMAGE")]
     pub image: PathBuf,
 
@@ -50,9 +52,13 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "FILE", requires = "target")]
     pub target_mask: Option<PathBuf>,
 
-    /// Mask of the main object, of the picture's size: white on the object (PNG or EXR)
+    /// Mask of the main object, of the picture's size: white on the object, or transparent around it
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
+
+    /// Layer of an EXR that has several [default: the one that is the picture, by its name]
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
 
     /// Factor on linear radiance before display: 2 is one stop brighter [default: as stored, else 1]
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
@@ -78,7 +84,7 @@ struct Stored {
 
 /// A picture with all that is needed to measure it.
 struct Subject {
-    picture: LinearImage,
+    picture: Picture,
     mask: MaskImage,
     target: Target,
     exposure: f64,
@@ -105,13 +111,12 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
 }
 
 fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
+    look.iter().flat_map(Look::notes).for_each(|note| say_note(&note));
     let path = args.image.as_path();
-    let exr = if is_exr(path)? { Some(read_exr(path)?) } else { None };
-    let picture = match &exr {
-        Some(exr) => exr_beauty(path, exr)?,
-        None => read_image(path)?,
-    };
-    let stored = exr.as_ref().map(|exr| stored(path, exr)).transpose()?.unwrap_or_default();
+    let reading = Reading { layer: args.layer.as_deref(), kept: MEASURED, ..Reading::of(Purpose::Light) };
+    let mut picture = Picture::read(path, &reading)?;
+    say_notes(path, &picture.notes, true);
+    let stored = stored(path, &picture)?;
     let luminance = args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default();
     let target = match (look, &stored.target) {
         (Some(look), _) => look.into_target(luminance, picture.width.max(picture.height))?,
@@ -124,10 +129,10 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
             path.display()
         ),
     };
-    let mask = match (&args.mask, &exr) {
+    let mask = match (&args.mask, picture.mask.take()) {
         (Some(mask), _) => read_mask(mask)?,
-        (None, Some(exr)) if stored_mask(exr).is_some() => exr_mask(path, exr)?,
-        (None, _) => {
+        (None, Some(own)) => MaskImage::of_samples([picture.width, picture.height], &own),
+        (None, None) => {
             bail!("{}: the picture stores no mask of the main object; give one with --mask", path.display())
         }
     };
@@ -140,8 +145,8 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
         picture.width,
         picture.height
     );
-    let as_recorded =
-        args.target.is_none() && args.mask.is_none() && args.exposure.is_none() && args.luminance.is_none();
+    let given = [args.target.is_some(), args.mask.is_some(), args.layer.is_some()];
+    let as_recorded = !given.contains(&true) && args.exposure.is_none() && args.luminance.is_none();
     Ok(Subject {
         picture,
         mask,
@@ -152,8 +157,9 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
     })
 }
 
-fn stored(path: &Path, exr: &ExrImage) -> anyhow::Result<Stored> {
-    let Some(value) = &exr.lightopt else {
+fn stored(path: &Path, picture: &Picture) -> anyhow::Result<Stored> {
+    let attribute = picture.our_attribute().map_err(|fault| PictureError { path: path.to_owned(), fault })?;
+    let Some(value) = attribute else {
         return Ok(Stored::default());
     };
     let what = || format!("{}: attribute `lightopt`", path.display());
@@ -165,13 +171,14 @@ fn stored(path: &Path, exr: &ExrImage) -> anyhow::Result<Stored> {
 }
 
 fn measure(subject: &Subject, path: &Path) -> anyhow::Result<Evaluation> {
-    let LinearImage { width, height, rgb } = &subject.picture;
-    let l = subject.luminance.encode_image(rgb, subject.exposure);
+    let Picture { width, height, .. } = subject.picture;
+    let brightness = |i| subject.luminance.encode(subject.picture.luminance(i), subject.exposure);
+    let l: Vec<f64> = (0..subject.picture.n_pixels()).map(brightness).collect();
     if let Some(i) = l.iter().position(|l| l.is_nan()) {
         let (x, y) = (i % width, i / width);
         bail!("{}: the pixel at column {x}, row {y} is not a number", path.display());
     }
-    let objective = Objective::new(&subject.target, *width, *height, &subject.mask.object)
+    let objective = Objective::new(&subject.target, width, height, &subject.mask.object)
         .with_context(|| path.display().to_string())?;
     Ok(objective.evaluate(&l))
 }

@@ -8,7 +8,8 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{common::in_pool, print};
+use super::common::{in_pool, say_note};
+use super::print;
 use crate::audit::write_whole;
 use crate::files::atomic::probe;
 use crate::objective::signature::library::{
@@ -20,6 +21,7 @@ use crate::objective::{LuminanceMode, Target};
 use crate::photo::folder::{Listing, list, masks, sha256};
 use crate::photo::learn::{Learned, Measured, confusion, learn};
 use crate::photo::{Photo, PhotoError};
+use crate::picture::Note;
 
 /// Learn signatures of looks from folders of photographs
 ///
@@ -48,7 +50,8 @@ use crate::photo::{Photo, PhotoError};
     which `run` optimises by default, for targets whose gradient counts.\n\
     In a target file, signature = \"styles.toml#high\" uses the signature with values of your own.")]
 pub struct LearnArgs {
-    /// A look and the folder of its photographs (JPEG, PNG, TIFF, EXR; sub-folders are not searched)
+    /// A look and the folder of its photographs (JPEG, PNG, TIFF, EXR and others; sub-folders are
+    /// not searched, and files that are no pictures are left out)
     #[arg(long = "class", value_name = "NAME=DIR", required = true, value_parser = parse_class)]
     pub classes: Vec<(String, PathBuf)>,
 
@@ -73,8 +76,8 @@ pub struct LearnArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Threads [default: all processors]; does not change the result. Each takes about 20 bytes
-    /// of memory for each pixel of a photograph
+    /// Threads [default: all processors]; does not change the result. Each takes about 4 bytes
+    /// of memory for each pixel of a photograph of 8 bits a channel, 10 of a progressive JPEG
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
 }
@@ -109,11 +112,16 @@ struct Outcome {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// When a photograph or mask is missing or wrong, or a file cannot be written.
+/// When a mask is missing or wrong, no photograph of a class can be read, or a file cannot be
+/// written.
 pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
     let folders = folders(args)?;
     check_output(args)?;
-    let (records, measured) = in_pool(args.threads, || measure(args, &folders))?;
+    let gathered: Vec<Gathered> =
+        in_pool(args.threads, || folders.iter().map(|f| gather(args, f)).collect())?;
+    let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
+    notes.extend(gathered.iter().flat_map(|g| g.notes.clone()));
+    let (records, measured): (Vec<_>, Vec<_>) = gathered.into_iter().map(|g| (g.records, g.measured)).unzip();
     let learned = learn(&measured, method(args));
     let outcomes: Vec<Outcome> = folders
         .iter()
@@ -122,12 +130,8 @@ pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
         .map(|((folder, records), learned)| outcome(args, folder, records, learned))
         .collect::<anyhow::Result<_>>()?;
     write(args, &outcomes)?;
-    let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
     notes.extend(report::notes(&outcomes));
-    for note in &notes {
-        // Standard error may be closed.
-        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("note: {note}\n"));
-    }
+    notes.iter().for_each(|note| say_note(note));
     let learned: Vec<Learned> = outcomes.iter().map(|o| o.learned.clone()).collect();
     let confusion = confusion(&learned);
     if args.json {
@@ -176,36 +180,81 @@ fn check_output(args: &LearnArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-type MeasuredClasses = (Vec<Vec<PhotoRecord>>, Vec<Vec<Measured>>);
-
-/// Every photograph of every class; the first in order that is wrong is what is reported.
-fn measure(args: &LearnArgs, folders: &[Folder]) -> anyhow::Result<MeasuredClasses> {
-    let mut all = (Vec::new(), Vec::new());
-    for folder in folders {
-        let mask = |i: usize| folder.masks.as_ref().map(|masks| masks[i].as_path());
-        let each = folder.photos.par_iter().enumerate();
-        let done: Vec<anyhow::Result<(PhotoRecord, Measured)>> = each
-            .map(|(i, path)| {
-                let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                let record = PhotoRecord { file, sha256: sha256(path)? };
-                Ok((record, measure_one(path, mask(i), args.longest_side as usize)?))
-            })
-            .collect();
-        let (records, measured) = done.into_iter().collect::<anyhow::Result<Vec<_>>>()?.into_iter().unzip();
-        all.0.push(records);
-        all.1.push(measured);
-    }
-    Ok(all)
+/// The photographs of a class that could be read.
+struct Gathered {
+    records: Vec<PhotoRecord>,
+    measured: Vec<Measured>,
+    /// What was left out, and what people should hear of the others.
+    notes: Vec<String>,
 }
 
-fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> Result<Measured, PhotoError> {
-    let photo = Photo::read(path, mask)?.reduced(longest);
-    if mask.is_none() {
-        // An EXR may bring a mask of its own; whole looks need one of every photograph.
-        return Ok(Measured { cumulated: photo.cumulated(LuminanceMode::Srgb), values: None });
+/// What became of a photograph.
+enum Outlook {
+    Read(Box<(PhotoRecord, Measured, Vec<Note>)>),
+    /// It is no picture, or a broken one.
+    LeftOut(PhotoError),
+}
+
+/// Measures every photograph of a class. What is no picture is left out; the first in order whose
+/// mask does not fit is what is reported.
+fn gather(args: &LearnArgs, folder: &Folder) -> anyhow::Result<Gathered> {
+    let mask = |i: usize| folder.masks.as_ref().map(|masks| masks[i].as_path());
+    let each = folder.photos.par_iter().enumerate();
+    let done: Vec<anyhow::Result<Outlook>> =
+        each.map(|(i, path)| measure_one(path, mask(i), args.longest_side as usize)).collect();
+    let mut gathered = Gathered { records: Vec::new(), measured: Vec::new(), notes: Vec::new() };
+    let mut kinds: Vec<(Note, &Path, usize)> = Vec::new();
+    for (path, outlook) in folder.photos.iter().zip(done) {
+        match outlook? {
+            Outlook::LeftOut(error) => {
+                gathered.notes.push(format!("{:#}; left out", anyhow::Error::from(error)));
+            }
+            Outlook::Read(read) => {
+                let (record, measured, notes) = *read;
+                gathered.records.push(record);
+                gathered.measured.push(measured);
+                for note in notes {
+                    let same = |(n, ..): &&mut (Note, &Path, usize)| {
+                        std::mem::discriminant(n) == std::mem::discriminant(&note)
+                    };
+                    match kinds.iter_mut().find(same) {
+                        Some((.., more)) => *more += 1,
+                        None => kinds.push((note, path, 0)),
+                    }
+                }
+            }
+        }
     }
-    let z = photo.measure(LuminanceMode::Srgb)?;
-    Ok(Measured { cumulated: z.cumulated(), values: Some(z.values()) })
+    gathered.notes.extend(kinds.into_iter().map(|(note, path, more)| match more {
+        0 => format!("{}: {note}", path.display()),
+        n => format!("{}: {note}; so it is with {n} more of the class", path.display()),
+    }));
+    if gathered.records.is_empty() {
+        let first = gathered.notes.first().map_or("", String::as_str);
+        bail!("class `{}`: none of its pictures can be read: {first}", folder.name);
+    }
+    Ok(gathered)
+}
+
+fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> anyhow::Result<Outlook> {
+    let photo = match Photo::read(path, mask, None) {
+        Err(error @ (PhotoError::File(_) | PhotoError::NotANumber { .. })) => {
+            return Ok(Outlook::LeftOut(error));
+        }
+        other => other?,
+    };
+    let reduced = photo.reduced(longest);
+    // An EXR may bring a mask of its own; whole looks need one of every photograph.
+    let measured = match mask {
+        None => Measured { cumulated: reduced.cumulated(LuminanceMode::Srgb), values: None },
+        Some(_) => {
+            let z = reduced.measure(LuminanceMode::Srgb)?;
+            Measured { cumulated: z.cumulated(), values: Some(z.values()) }
+        }
+    };
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let record = PhotoRecord { file, sha256: sha256(path)? };
+    Ok(Outlook::Read(Box::new((record, measured, photo.notes().to_vec()))))
 }
 
 fn outcome(

@@ -15,7 +15,7 @@ use super::{
     choices::{GRADIENTS, one_of},
     common::{
         LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
-        parse_exposure, parse_spp,
+        parse_exposure, parse_spp, say_note,
     },
     output::print,
     progress::Console,
@@ -188,7 +188,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // What is wrong with the words should show in the first second.
     let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
     let wanted = wanted(args, &stem)?;
-    for (_, out) in &wanted {
+    for (look, out) in &wanted {
+        look.notes().iter().for_each(|note| say_note(note));
         crate::audit::RunDir::check(out, args.pictures.force)?;
     }
     let scene_path = import::find(&args.scene)?;

@@ -7,34 +7,31 @@
 //! write several in random order. Compression is lossless (ZIP) or none, so that a picture
 //! reads back bit for bit, and equal pictures make equal files.
 //!
-//! Files of other programs can be read too: half, float and integer samples, layers as
-//! channel prefixes, data windows other than the display window.
+//! Reading also takes the flat parts of files of other programs, as [`crate::picture::exr`] reads
+//! them.
 
 mod error;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, ImageAttributes, IntegerBounds,
-    Layer, LayerAttributes, Layers, MetaData, ReadChannels, ReadLayers, Text, Vec2, WritableImage,
+    Layer, LayerAttributes, Layers, Text, Vec2, WritableImage,
 };
 use serde_json::Value;
 
 pub use error::ExrError;
 
 use crate::files::atomic::write_atomically;
-
-/// Name of the attribute of part 0 that holds what a picture is of.
-pub const ATTRIBUTE: &str = "lightopt";
-
-/// Largest number of pixels of a part, 2²⁸: four times the largest film.
-pub const MAX_PIXELS: usize = 1 << 28;
+use crate::picture::budget::MAX_PIXELS;
+use crate::picture::exr::{ATTRIBUTE, ExrFault, ExrFile, Part};
 
 /// Largest number of samples of a file, pixels times channels over all parts, 2³¹: 8 GiB as
-/// f32, the most memory that a header which lies can claim. A picture of 7680 x 4320 pixels
-/// with the shares of 17 lights fits.
+/// f32. A picture of 7680 x 4320 pixels with the shares of 17 lights fits.
 pub const MAX_SAMPLES: u64 = 1 << 31;
 
 /// A part of an EXR file: a named group of channels, all of the picture's size.
@@ -88,9 +85,9 @@ impl ExrPart {
         self.channels.iter().find(|(n, _)| n == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// Colours of the pixels from the channels `{prefix}R`, `{prefix}G`, `{prefix}B`.
-    fn colours(&self, prefix: &str) -> Option<Vec<[f32; 3]>> {
-        let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(&format!("{prefix}{c}")));
+    /// Colours from the channels R, G, B.
+    fn colours(&self) -> Option<Vec<[f32; 3]>> {
+        let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(c));
         let (r, g, b) = (r?, g?, b?);
         Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())
     }
@@ -103,45 +100,11 @@ impl ExrImage {
         self.parts.iter().find(|p| p.name == name)
     }
 
-    /// Colours of the pixels: plain R, G, B of the first part that has them; else of a layer
-    /// (channel prefix), one called beauty, combined or rgba first; else Y as grey. `None`
-    /// when there is none of these.
+    /// Colours of the pixels: R, G, B of the first part that has them, in the files of this program
+    /// the beauty. `None` when no part has them.
     #[must_use]
     pub fn beauty(&self) -> Option<Vec<[f32; 3]>> {
-        if let Some(rgb) = self.parts.iter().find_map(|p| p.colours("")) {
-            return Some(rgb);
-        }
-        let mut layers: Vec<(&ExrPart, &str)> = self
-            .parts
-            .iter()
-            .flat_map(|p| p.channels.iter().map(move |(name, _)| (p, name.as_str())))
-            .filter_map(|(p, name)| name.strip_suffix('R').map(|prefix| (p, prefix)))
-            .filter(|(_, prefix)| prefix.ends_with('.'))
-            .collect();
-        let likely = |prefix: &str| {
-            let lower = prefix.to_lowercase();
-            ["beauty", "combined", "rgba"].iter().any(|known| lower.contains(known))
-        };
-        layers.sort_by_key(|(_, prefix)| !likely(prefix));
-        layers.iter().find_map(|(p, prefix)| p.colours(prefix)).or_else(|| {
-            let grey = self.parts.iter().find_map(|p| p.channel("Y"))?;
-            Some(grey.iter().map(|&y| [y; 3]).collect())
-        })
-    }
-
-    /// Name of every channel as `part/channel`, for messages.
-    #[must_use]
-    pub fn channel_names(&self) -> Vec<String> {
-        let mut names = Vec::new();
-        for part in &self.parts {
-            for (channel, _) in &part.channels {
-                names.push(match part.name.as_str() {
-                    "" => channel.clone(),
-                    name => format!("{name}/{channel}"),
-                });
-            }
-        }
-        names
+        self.parts.iter().find_map(ExrPart::colours)
     }
 }
 
@@ -226,7 +189,7 @@ fn check(path: &Path, image: &ExrImage) -> Result<(), ExrError> {
 
 /// Checks the size of a part against [`MAX_PIXELS`].
 fn check_size(path: &Path, width: usize, height: usize) -> Result<(), ExrError> {
-    match width.checked_mul(height) {
+    match (width as u64).checked_mul(height as u64) {
         Some(1..=MAX_PIXELS) => Ok(()),
         _ => Err(ExrError::Size { path: path.to_owned(), width, height }),
     }
@@ -289,80 +252,32 @@ fn sorted(value: &Value) -> Value {
     }
 }
 
-/// Reads an EXR file of this or another program. Samples become f32; every part is laid
-/// into the display window and is 0 where it has no data.
+/// Reads all flat parts of an EXR file of this or another program. Samples become f32; every part
+/// is laid into the display window and is 0 where it has no data.
 ///
 /// # Errors
-/// When the file is not an EXR, exceeds [`MAX_PIXELS`] or [`MAX_SAMPLES`], has deep or
-/// subsampled channels, or its attribute is not JSON.
+/// When the file is not an EXR, has only deep parts, takes more memory than
+/// [`PICTURE_BUDGET`](crate::picture::budget::PICTURE_BUDGET), or its attribute is not JSON.
 pub fn read_exr(path: &Path) -> Result<ExrImage, ExrError> {
     let read = |source| ExrError::Read { path: path.to_owned(), source };
-    // The headers first: sizes are checked before anything is allocated for them.
-    let meta = MetaData::read_from_file(path, false).map_err(read)?;
-    for header in &meta.headers {
-        let window = header.shared_attributes.display_window.size;
-        check_size(path, header.layer_size.0, header.layer_size.1)?;
-        check_size(path, window.0, window.1)?;
+    let file = File::open(path).map_err(|source| read(source.into()))?;
+    let mut exr = ExrFile::open(BufReader::new(file)).map_err(read)?;
+    let flat: Vec<(usize, Part)> =
+        exr.parts().iter().cloned().enumerate().filter(|(_, part)| !part.is_deep).collect();
+    let Some((_, first)) = flat.first() else { return Err(read(ExrFault::Deep)) };
+    let [width, height] = first.display.size.map(|n| n as usize);
+    let lightopt = exr.attribute().map(serde_json::from_str).transpose();
+    let lightopt = lightopt.map_err(|source| ExrError::Attribute { path: path.to_owned(), source })?;
+    let kept = flat.iter().map(|(_, part)| part.channels.len()).sum::<usize>() * size_of::<f32>();
+    let mut parts = Vec::with_capacity(flat.len());
+    for (i, part) in flat {
+        let all: Vec<usize> = (0..part.channels.len()).collect();
+        let samples = exr.read(i, &all, kept).map_err(read)?;
+        let of = |c: usize| samples.iter().skip(c).step_by(all.len()).copied().collect();
+        let channels = part.channels.into_iter().enumerate().map(|(c, channel)| (channel.name, of(c)));
+        parts.push(ExrPart { name: part.name, channels: channels.collect() });
     }
-    // A channel is decoded in its data window and laid into the display window.
-    let claims = meta.headers.iter().map(|header| {
-        let window = header.shared_attributes.display_window.size;
-        (header.layer_size.area().max(window.area()), header.channels.list.len())
-    });
-    check_samples(path, claims)?;
-    let exr = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .from_file(path)
-        .map_err(read)?;
-
-    let window = exr.attributes.display_window;
-    let mut parts = Vec::with_capacity(exr.layer_data.len());
-    let mut lightopt = None;
-    for layer in exr.layer_data {
-        if let Some(AttributeValue::Text(text)) = layer.attributes.other.get(ATTRIBUTE.as_bytes())
-            && lightopt.is_none()
-        {
-            let json = serde_json::from_str(&text.to_string())
-                .map_err(|source| ExrError::Attribute { path: path.to_owned(), source })?;
-            lightopt = Some(json);
-        }
-        let data = IntegerBounds::new(layer.attributes.layer_position, layer.size);
-        let mut channels = Vec::with_capacity(layer.channel_data.list.len());
-        for channel in layer.channel_data.list {
-            let name = channel.name.to_string();
-            if channel.sampling != Vec2(1, 1) {
-                return Err(ExrError::Subsampled { path: path.to_owned(), channel: name });
-            }
-            let samples: Vec<f32> = channel.sample_data.values_as_f32().collect();
-            channels.push((name, fit(samples, data, window)));
-        }
-        let name = layer.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
-        parts.push(ExrPart { name, channels });
-    }
-    Ok(ExrImage { width: window.size.0, height: window.size.1, parts, lightopt })
-}
-
-/// The samples of a channel in the display window, 0 outside the data window.
-fn fit(samples: Vec<f32>, data: IntegerBounds, display: IntegerBounds) -> Vec<f32> {
-    if data == display {
-        return samples;
-    }
-    let Vec2(width, height) = display.size;
-    let mut out = vec![0.0; width * height];
-    let dx = i64::from(data.position.0) - i64::from(display.position.0);
-    let dy = i64::from(data.position.1) - i64::from(display.position.1);
-    for (i, &sample) in samples.iter().enumerate() {
-        let x = (i % data.size.0) as i64 + dx;
-        let y = (i / data.size.0) as i64 + dy;
-        if (0..width as i64).contains(&x) && (0..height as i64).contains(&y) {
-            out[y as usize * width + x as usize] = sample;
-        }
-    }
-    out
+    Ok(ExrImage { width, height, parts, lightopt })
 }
 
 #[cfg(test)]

@@ -1,23 +1,15 @@
-//! Reading and writing of pictures and masks as PNG, EXR and, reading only, JPEG, TIFF and others.
-//!
-//! In memory a picture is linear Rec.709 RGB, f32. Files of 8 or 16 bits a channel are
-//! taken as sRGB-encoded, float files as linear; transparent pixels are laid over black.
-//! Pictures are turned upright as their EXIF orientation says.
+//! Pictures and masks as plain arrays: read by [`crate::picture`], written as PNG and EXR.
 
-use std::fs::File;
-use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{
-    DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, ImageResult,
-    Limits,
-};
+use image::{ExtendedColorType, ImageEncoder};
 use thiserror::Error;
 
-use super::exr::{ExrError, ExrImage, ExrPart, read_exr, write_exr};
+use super::exr::{ExrError, ExrImage, ExrPart, write_exr};
 use crate::files::atomic::{AtomicWriteError, write_atomically};
-use crate::math::display::{eotf_srgb, oetf_srgb};
+use crate::math::display::{LUMINANCE_WEIGHTS, oetf_srgb};
+use crate::picture::{Format, Picture, PictureError, Purpose, Reading};
 
 /// A picture in linear Rec.709 RGB.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,30 +33,9 @@ pub struct MaskImage {
     pub object: Vec<bool>,
 }
 
-/// Why a picture file cannot be read or written.
+/// Why a picture file cannot be written.
 #[derive(Debug, Error)]
 pub enum ImageFileError {
-    /// The file cannot be opened.
-    #[error("{path}: cannot open the picture", path = .path.display())]
-    Open {
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the file system.
-        #[source]
-        source: std::io::Error,
-    },
-    /// The file is not a picture in a known format.
-    #[error(
-        "{path}: cannot read it as a picture (PNG, JPEG, TIFF, EXR and some others are known)",
-        path = .path.display()
-    )]
-    Decode {
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the decoder or encoder.
-        #[source]
-        source: image::ImageError,
-    },
     /// The encoder refuses the picture.
     #[error("{path}: cannot write the picture", path = .path.display())]
     Encode {
@@ -92,112 +63,110 @@ pub enum ImageFileError {
         /// Height, pixels.
         height: usize,
     },
-    /// An EXR file lacks the channels that are needed.
-    #[error("{path}: needs {wanted}, the file has {}", found.join(", "), path = .path.display())]
-    MissingChannel {
-        /// Path of the file.
-        path: PathBuf,
-        /// Channels that are needed, as a phrase.
-        wanted: &'static str,
-        /// Names of the channels in the file, with their parts.
-        found: Vec<String>,
-    },
 }
 
-/// First four bytes of every EXR file, its magic number 20000630.
-const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+impl LinearImage {
+    /// The light of a picture that has been read, before black.
+    #[must_use]
+    pub fn of(picture: &Picture) -> Self {
+        let rgb = (0..picture.n_pixels()).map(|i| picture.over_black(i)).collect();
+        Self { width: picture.width, height: picture.height, rgb }
+    }
 
-/// Whether the content of the file, whatever its name, begins as an EXR file does.
-///
-/// # Errors
-/// When the file cannot be opened.
-pub fn is_exr(path: &Path) -> Result<bool, ImageFileError> {
-    let open = |source| ImageFileError::Open { path: path.to_owned(), source };
-    let mut start = Vec::with_capacity(4);
-    File::open(path).map_err(open)?.take(4).read_to_end(&mut start).map_err(open)?;
-    Ok(start == EXR_MAGIC)
+    /// Bytes that are kept of a pixel.
+    pub const PIXEL: usize = 12;
+}
+
+/// A pixel that is no radiance.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("the pixel at column {x}, row {y} is {value}; radiance is finite")]
+pub struct NoRadiance {
+    /// Column, from 0.
+    pub x: usize,
+    /// Row, from 0.
+    pub y: usize,
+    /// The first of its channels that is not finite.
+    pub value: f32,
+}
+
+impl LinearImage {
+    /// Puts 0 in the place of negative values, which resampling leaves beside bright pixels, and
+    /// says how many there were and the least of them.
+    ///
+    /// # Errors
+    /// With the first pixel that is not finite.
+    pub fn make_radiance(&mut self) -> Result<Option<String>, NoRadiance> {
+        let place = |i: usize| (i / 3 % self.width, i / 3 / self.width);
+        let (mut count, mut least) = (0, (0, 0.0));
+        for (i, v) in self.rgb.as_flattened_mut().iter_mut().enumerate() {
+            if !v.is_finite() {
+                let (x, y) = place(i);
+                return Err(NoRadiance { x, y, value: *v });
+            }
+            if *v < 0.0 {
+                count += 1;
+                if *v < least.1 {
+                    least = (i, *v);
+                }
+                *v = 0.0;
+            }
+        }
+        let ((x, y), value) = (place(least.0), least.1);
+        let are = if count == 1 { "value is" } else { "values are" };
+        Ok((count > 0).then(|| {
+            format!("{count} {are} negative and read as 0; the least, {value}, is at column {x}, row {y}")
+        }))
+    }
+}
+
+impl MaskImage {
+    /// The object in a picture that has been read as a mask.
+    ///
+    /// Where the picture is transparent in places, the object is where it is opaque (alpha at
+    /// least one half), whatever its colours; else it is where the picture is bright (its numbers
+    /// at least half of white).
+    #[must_use]
+    pub fn of(picture: &Picture) -> Self {
+        let pixels = 0..picture.n_pixels();
+        let is_cutout = picture.has_alpha() && pixels.clone().any(|i| picture.stored(i)[3] < 0.5);
+        let is_object = |i: usize| {
+            let [r, g, b, a] = picture.stored(i);
+            let bright: f64 = LUMINANCE_WEIGHTS.iter().zip([r, g, b]).map(|(w, v)| w * v).sum();
+            if is_cutout { a >= 0.5 } else { bright >= 0.5 }
+        };
+        let object = pixels.map(is_object).collect();
+        Self { width: picture.width, height: picture.height, object }
+    }
+
+    /// The object of a channel that is 1 there.
+    #[must_use]
+    pub fn of_samples([width, height]: [usize; 2], samples: &[f32]) -> Self {
+        Self { width, height, object: samples.iter().map(|&v| v >= 0.5).collect() }
+    }
 }
 
 /// Whether the ending of the file's name is that of a picture format that can be read.
 #[must_use]
 pub fn has_picture_ending(path: &Path) -> bool {
-    let format = path.extension().and_then(ImageFormat::from_extension);
-    format.is_some_and(|format| format.reading_enabled())
+    Format::of_ending(path).is_some()
 }
 
-/// Decodes a picture other than an EXR, turned upright.
-fn decode(path: &Path) -> Result<DynamicImage, ImageFileError> {
-    let open = |source| ImageFileError::Open { path: path.to_owned(), source };
-    let file = BufReader::new(File::open(path).map_err(open)?);
-    let reader = ImageReader::new(file).with_guessed_format().map_err(open)?;
-    upright(reader).map_err(|source| ImageFileError::Decode { path: path.to_owned(), source })
-}
-
-/// Decodes a picture and turns it as its EXIF orientation says.
-fn upright(reader: ImageReader<BufReader<File>>) -> ImageResult<DynamicImage> {
-    let mut decoder = reader.into_decoder()?;
-    Limits::default().reserve(decoder.total_bytes())?;
-    let orientation = decoder.orientation()?;
-    let mut picture = DynamicImage::from_decoder(decoder)?;
-    picture.apply_orientation(orientation);
-    Ok(picture)
-}
-
-/// Reads any known picture as linear RGB; the content decides on the format.
+/// Reads any known picture as linear RGB.
 ///
 /// # Errors
-/// When the file is missing, no picture, or an EXR without colours.
-pub fn read_image(path: &Path) -> Result<LinearImage, ImageFileError> {
-    if is_exr(path)? {
-        return exr_beauty(path, &read_exr(path)?);
-    }
-    let picture = decode(path)?;
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let float = matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
-    let deep = !float && picture.color().bytes_per_pixel() > picture.color().channel_count();
-    let rgb = if float {
-        picture.into_rgba32f().pixels().map(|p| over_black(p.0.map(f64::from))).collect()
-    } else if deep {
-        let decoded = |v: u16| eotf_srgb(f64::from(v) / 65535.0);
-        picture
-            .into_rgba16()
-            .pixels()
-            .map(|p| {
-                let [r, g, b, a] = p.0;
-                over_black([decoded(r), decoded(g), decoded(b), f64::from(a) / 65535.0])
-            })
-            .collect()
-    } else {
-        let table: Vec<f64> = (0..=255).map(|v| eotf_srgb(f64::from(v) / 255.0)).collect();
-        picture
-            .into_rgba8()
-            .pixels()
-            .map(|p| {
-                let [r, g, b, a] = p.0;
-                let [r, g, b] = [r, g, b].map(|v| table[usize::from(v)]);
-                over_black([r, g, b, f64::from(a) / 255.0])
-            })
-            .collect()
-    };
-    Ok(LinearImage { width, height, rgb })
+/// When the file is missing, no picture, or larger than a picture may be.
+pub fn read_image(path: &Path) -> Result<LinearImage, PictureError> {
+    let reading = Reading { kept: LinearImage::PIXEL, ..Reading::of(Purpose::Light) };
+    Ok(LinearImage::of(&Picture::read(path, &reading)?))
 }
 
-/// A colour with its opacity laid over black.
-fn over_black([r, g, b, alpha]: [f64; 4]) -> [f32; 3] {
-    [r, g, b].map(|v| (v * alpha) as f32)
-}
-
-/// The colours of an EXR picture that has been read from `path`.
+/// Reads a mask; of an EXR the channel `mask` or the only one, where it has such a channel.
 ///
 /// # Errors
-/// When the picture has no channels that are colours.
-pub fn exr_beauty(path: &Path, exr: &ExrImage) -> Result<LinearImage, ImageFileError> {
-    let rgb = exr.beauty().ok_or_else(|| ImageFileError::MissingChannel {
-        path: path.to_owned(),
-        wanted: "channels R, G, B (or Y)",
-        found: exr.channel_names(),
-    })?;
-    Ok(LinearImage { width: exr.width, height: exr.height, rgb })
+/// When the file is missing, no picture, or larger than a picture may be.
+pub fn read_mask(path: &Path) -> Result<MaskImage, PictureError> {
+    let reading = Reading { kept: 1, ..Reading::of(Purpose::Mask) };
+    Ok(MaskImage::of(&Picture::read(path, &reading)?))
 }
 
 /// Writes linear RGB as 8-bit sRGB PNG: `round(255 · oetf_srgb(clamp(e·v, 0, 1)))`.
@@ -267,54 +236,11 @@ fn encode_png(
     })
 }
 
-/// Reads a mask: bright (at least half of white) is the object. Of an EXR the channel
-/// `mask` counts, else its only channel, else Y, else A.
-///
-/// # Errors
-/// When the file is missing, no picture, or an EXR without a channel that can be a mask.
-pub fn read_mask(path: &Path) -> Result<MaskImage, ImageFileError> {
-    if is_exr(path)? {
-        return exr_mask(path, &read_exr(path)?);
-    }
-    let grey = decode(path)?.into_luma16();
-    let (width, height) = (grey.width() as usize, grey.height() as usize);
-    let object = grey.pixels().map(|p| p.0[0] >= 0x8000).collect();
-    Ok(MaskImage { width, height, object })
-}
-
-/// The mask in an EXR picture that has been read from `path`; see [`read_mask`].
-///
-/// # Errors
-/// When it has no channel that can be a mask.
-pub fn exr_mask(path: &Path, exr: &ExrImage) -> Result<MaskImage, ImageFileError> {
-    let named = |name: &str| exr.parts.iter().find_map(|p| p.channel(name));
-    let only = || match exr.parts.as_slice() {
-        [part] if part.channels.len() == 1 => Some(part.channels[0].1.as_slice()),
-        _ => None,
-    };
-    let samples =
-        stored_mask(exr).or_else(only).or_else(|| named("Y")).or_else(|| named("A")).ok_or_else(|| {
-            ImageFileError::MissingChannel {
-                path: path.to_owned(),
-                wanted: "a channel `mask` (or a single channel, Y or A)",
-                found: exr.channel_names(),
-            }
-        })?;
-    let object = samples.iter().map(|&v| v >= 0.5).collect();
-    Ok(MaskImage { width: exr.width, height: exr.height, object })
-}
-
-/// The samples of the channel `mask`, when an EXR carries one.
-#[must_use]
-pub fn stored_mask(exr: &ExrImage) -> Option<&[f32]> {
-    exr.part("mask")
-        .and_then(|p| p.channel("mask"))
-        .or_else(|| exr.parts.iter().find_map(|p| p.channel("mask")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::display::eotf_srgb;
+    use crate::picture::Fault;
     use image::{ImageBuffer, Luma, Rgb, Rgba};
 
     fn ramp(width: usize, height: usize) -> LinearImage {
@@ -393,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_picture_is_read_as_it_is_and_wants_a_mask_channel() {
+    fn an_exr_picture_is_read_as_it_is_and_a_mask_by_its_channel() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.exr");
         let picture = ramp(5, 4);
@@ -405,23 +331,33 @@ mod tests {
         };
         write_exr(&path, &exr).unwrap();
         assert_eq!(read_image(&path).unwrap(), picture);
-        let error = read_mask(&path).unwrap_err();
-        assert!(error.to_string().contains("beauty/B, beauty/G, beauty/R"), "{error}");
+        // Bright is the object, as in a picture of any other format.
+        let bright: Vec<bool> =
+            picture.rgb.iter().map(|&c| crate::math::display::luminance(c) >= 0.5).collect();
+        assert!(bright.contains(&true) && bright.contains(&false));
+        assert_eq!(read_mask(&path).unwrap().object, bright);
 
-        exr.parts = vec![ExrPart::single("depth", "Z", vec![1.0; 20]), mask_part(&[false; 20])];
+        exr.parts.push(mask_part(&[false; 20]));
         write_exr(&path, &exr).unwrap();
-        assert!(matches!(read_image(&path), Err(ImageFileError::MissingChannel { .. })));
         assert_eq!(read_mask(&path).unwrap().object, [false; 20]);
+
+        exr.parts = vec![ExrPart::triple("normal", ["X", "Y", "Z"], &picture.rgb)];
+        write_exr(&path, &exr).unwrap();
+        let names = "`normal/X`, `normal/Y`, `normal/Z`";
+        for error in [read_image(&path).unwrap_err(), read_mask(&path).unwrap_err()] {
+            assert!(error.fault.to_string().contains(names), "{error:?}");
+        }
     }
 
     #[test]
     fn what_is_no_picture_or_does_not_fit_is_an_error() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.png");
-        assert!(matches!(read_image(&path), Err(ImageFileError::Open { .. })));
+        assert!(matches!(read_image(&path).unwrap_err().fault, Fault::Open(_)));
         std::fs::write(&path, "text").unwrap();
-        assert!(matches!(read_image(&path), Err(ImageFileError::Decode { .. })));
-        assert!(matches!(read_mask(&path), Err(ImageFileError::Decode { .. })));
+        assert!(matches!(read_image(&path).unwrap_err().fault, Fault::UnknownFormat));
+        assert!(matches!(read_mask(&path).unwrap_err().fault, Fault::UnknownFormat));
+        assert!(matches!(read_image(directory.path()).unwrap_err().fault, Fault::NoFile));
         let wrong = LinearImage { width: 3, height: 3, rgb: vec![[0.0; 3]; 8] };
         assert!(matches!(write_png(&path, &wrong, 1.0), Err(ImageFileError::Size { .. })));
         assert_eq!(std::fs::read(&path).unwrap(), b"text");

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    embree::EmbreeError, files::toml_file::TomlError, film::image_file::ImageFileError,
-    scene::texture::TextureError,
+    embree::EmbreeError, files::toml_file::TomlError, picture::PictureError, scene::texture::TextureError,
 };
 
 /// A line of a text file that cannot be understood.
@@ -116,7 +115,7 @@ pub enum ImportError {
         /// Key that names the picture.
         key: String,
         /// Cause.
-        source: Box<ImageFileError>,
+        source: Box<PictureError>,
     },
     /// Embree refuses the triangles.
     #[error("{path}: cannot build the ray-tracing structure", path = path.display())]

@@ -17,7 +17,7 @@ use crate::{
     math::Rgb,
     scene::{
         material::{MaterialParams, Model, Relief},
-        texture::{self, Channel, Encoding, ScalarMap, TEXTURE_BUDGET, Texture},
+        texture::{self, Channel, Encoding, ScalarMap, TEXTURE_BUDGET, Texture, TextureLoader},
     },
 };
 
@@ -50,6 +50,7 @@ pub fn grey() -> MaterialParams {
 #[derive(Debug, Default)]
 pub struct Reader {
     images: BTreeMap<(PathBuf, Encoding), Arc<Texture>>,
+    loader: TextureLoader,
     /// What was left out or replaced, one line each.
     pub warnings: Vec<String>,
 }
@@ -58,7 +59,7 @@ impl Reader {
     /// A reader that appends to `warnings`.
     #[must_use]
     pub fn new(warnings: Vec<String>) -> Self {
-        Self { images: BTreeMap::new(), warnings }
+        Self { images: BTreeMap::new(), loader: TextureLoader::default(), warnings }
     }
 
     /// Names and parameters of all materials. The largest images are halved until all occupy no more
@@ -238,7 +239,8 @@ impl Reader {
             Some(image) => image.clone(),
             None => {
                 let role = format!("`{}` of material `{}`", map.keyword, m.name);
-                let image = Arc::new(Texture::load(&key.0, encoding, &role)?);
+                let image = Arc::new(self.loader.load(&key.0, encoding, &role)?);
+                self.warnings.append(&mut self.loader.notes);
                 self.images.insert(key, image.clone());
                 image
             }

@@ -62,8 +62,8 @@ pub enum Look {
     Photo {
         /// Path of the photograph's file.
         path: PathBuf,
-        /// Luminance of the photograph, and its mask.
-        photo: Photo,
+        /// The photograph and its mask.
+        photo: Box<Photo>,
     },
 }
 
@@ -77,7 +77,8 @@ impl Look {
     pub fn resolve(spec: &str, mask: Option<&Path>) -> Result<Self, LookError> {
         let path = Path::new(spec);
         if has_picture_ending(path) {
-            return Ok(Self::Photo { path: path.to_owned(), photo: Photo::read(path, mask)? });
+            let photo = Box::new(Photo::read(path, mask, None)?);
+            return Ok(Self::Photo { path: path.to_owned(), photo });
         }
         if let Some(mask) = mask {
             return Err(LookError::MaskWithoutPhoto { mask: mask.to_owned(), target: spec.to_owned() });
@@ -104,6 +105,17 @@ impl Look {
         match self {
             Self::Target(target) => target.name().to_owned(),
             Self::Photo { path, .. } => stem(path),
+        }
+    }
+
+    /// What people should hear of how a photograph was read, with its file.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        match self {
+            Self::Target(_) => Vec::new(),
+            Self::Photo { path, photo } => {
+                photo.notes().iter().map(|note| format!("{}: {note}", path.display())).collect()
+            }
         }
     }
 

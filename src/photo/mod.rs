@@ -17,13 +17,10 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::film::exr::{ExrError, ExrImage, read_exr};
-use crate::film::image_file::{
-    ImageFileError, LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
-};
-use crate::math::display::luminance;
+use crate::film::image_file::{MaskImage, read_mask};
 use crate::objective::histogram::Cumulated;
 use crate::objective::{LuminanceMode, ObjectiveError, Statistics};
+use crate::picture::{Note, Picture, PictureError, Purpose, Reading, Samples};
 use reduce::{box_filter, reduced_size};
 
 pub use look::Look;
@@ -33,10 +30,7 @@ pub use look::Look;
 pub enum PhotoError {
     /// A photograph or a mask cannot be read.
     #[error(transparent)]
-    File(#[from] ImageFileError),
-    /// An EXR file cannot be read.
-    #[error(transparent)]
-    Exr(#[from] ExrError),
+    File(#[from] PictureError),
     /// A pixel is not a number.
     #[error("{path}: the pixel at column {x}, row {y} is not a number", path = path.display())]
     NotANumber {
@@ -76,6 +70,89 @@ pub enum PhotoError {
     },
 }
 
+/// A photograph as its file has it, in full size.
+#[derive(Clone, Debug)]
+pub struct Photo {
+    picture: Picture,
+    exposure: f64,
+    /// The mask of its main object, and the file of that.
+    mask: Option<(PathBuf, MaskImage)>,
+}
+
+impl Photo {
+    /// Reads a photograph and, if given, the mask of its main object: white there, of the
+    /// size of the upright photograph. An EXR of several layers is read as `layer`, by default as
+    /// the one that is the picture.
+    ///
+    /// An EXR of this program brings its exposure and, if `mask` is none, its mask.
+    ///
+    /// # Errors
+    /// When a file is no picture, the sizes differ, or a pixel is not a number.
+    pub fn read(path: &Path, mask: Option<&Path>, layer: Option<&str>) -> Result<Self, PhotoError> {
+        let mut picture = Picture::read(path, &Reading { layer, ..Reading::of(Purpose::Light) })?;
+        let (width, height) = (picture.width, picture.height);
+        let is_float = matches!(picture.samples, Samples::F32(_));
+        let strange = (0..picture.n_pixels()).find(|&i| is_float && picture.luminance(i).is_nan());
+        if let Some(i) = strange {
+            return Err(PhotoError::NotANumber { path: path.to_owned(), x: i % width, y: i / width });
+        }
+        let attribute =
+            picture.our_attribute().map_err(|fault| PictureError { path: path.to_owned(), fault })?;
+        let stored = attribute.as_ref().and_then(|a| a.get("exposure")?.as_f64());
+        let exposure = stored.filter(|&e| e > 0.0).unwrap_or(1.0);
+        let own = picture.mask.take().map(|m| MaskImage::of_samples([width, height], &m));
+        let mask = match mask {
+            Some(mask) => Some((mask.to_owned(), read_mask(mask)?)),
+            None => own.map(|own| (path.to_owned(), own)),
+        };
+        if let Some((file, mask)) = &mask
+            && [mask.width, mask.height] != [width, height]
+        {
+            return Err(PhotoError::MaskSize {
+                mask: file.clone(),
+                mask_size: [mask.width, mask.height],
+                photo: path.to_owned(),
+                photo_size: [width, height],
+            });
+        }
+        Ok(Self { picture, exposure, mask })
+    }
+
+    /// Width and height, pixels.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [self.picture.width, self.picture.height]
+    }
+
+    /// Whether the main object is known.
+    #[must_use]
+    pub fn has_mask(&self) -> bool {
+        self.mask.is_some()
+    }
+
+    /// What people should hear of how it was read.
+    #[must_use]
+    pub fn notes(&self) -> &[Note] {
+        &self.picture.notes
+    }
+
+    /// The photograph with at most `longest` pixels a side: means of linear light over the
+    /// area of each new pixel. Smaller ones stay as they are.
+    ///
+    /// # Panics
+    /// When `longest` is 0.
+    #[must_use]
+    pub fn reduced(&self, longest: usize) -> Reduced {
+        let (from, to) = (self.size(), reduced_size(self.size(), longest));
+        let luminance = box_filter(|i| self.exposure * self.picture.luminance(i), from, to);
+        let mask = self.mask.as_ref().map(|(path, mask)| Mask {
+            path: path.clone(),
+            coverage: box_filter(|i| f64::from(u8::from(mask.object[i])), from, to),
+        });
+        Reduced { size: to, luminance, mask }
+    }
+}
+
 /// The mask of a photograph's main object.
 #[derive(Clone, Debug)]
 struct Mask {
@@ -87,8 +164,8 @@ struct Mask {
 
 /// The luminance of a photograph and the mask of its main object.
 #[derive(Clone, Debug)]
-pub struct Photo {
-    /// Width and height of the upright photograph, pixels.
+pub struct Reduced {
+    /// Width and height, pixels.
     size: [usize; 2],
     /// Linear luminance times exposure of each pixel, row-major.
     luminance: Vec<f64>,
@@ -96,62 +173,14 @@ pub struct Photo {
     mask: Option<Mask>,
 }
 
-impl Photo {
-    /// Reads a photograph and, if given, the mask of its main object: a picture of the size of
-    /// the upright photograph that is white on the object.
-    ///
-    /// Pictures of 8 and 16 bits a channel are taken as sRGB-encoded, floating point as linear.
-    /// An EXR file of this program brings its exposure and, without `mask`, its mask.
-    ///
-    /// # Errors
-    /// When a file is not a picture, the sizes differ, or a pixel is not a number.
-    pub fn read(path: &Path, mask: Option<&Path>) -> Result<Self, PhotoError> {
-        let exr = if is_exr(path)? { Some(read_exr(path)?) } else { None };
-        let LinearImage { width, height, rgb } = match &exr {
-            Some(exr) => exr_beauty(path, exr)?,
-            None => read_image(path)?,
-        };
-        let exposure = exr.as_ref().and_then(stored_exposure).unwrap_or(1.0);
-        let luminance: Vec<f64> = rgb.iter().map(|&c| exposure * luminance(c)).collect();
-        if let Some(i) = luminance.iter().position(|y| y.is_nan()) {
-            return Err(PhotoError::NotANumber { path: path.to_owned(), x: i % width, y: i / width });
-        }
-        let mask = match (mask, &exr) {
-            (Some(mask), _) => Some((mask, read_mask(mask)?)),
-            (None, Some(exr)) if stored_mask(exr).is_some() => Some((path, exr_mask(path, exr)?)),
-            (None, _) => None,
-        };
-        let mask =
-            mask.map(|(mask_path, mask)| fitting(mask_path, &mask, path, [width, height])).transpose()?;
-        Ok(Self { size: [width, height], luminance, mask })
-    }
-
-    /// Width and height of the upright photograph, pixels.
+impl Reduced {
+    /// Width and height, pixels.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// Whether the photograph's main object is known.
-    #[must_use]
-    pub fn has_mask(&self) -> bool {
-        self.mask.is_some()
-    }
-
-    /// The photograph reduced to at most `longest` pixels a side, each pixel the mean of linear
-    /// light over its area. A smaller photograph stays as it is.
-    ///
-    /// # Panics
-    /// When `longest` is 0.
-    #[must_use]
-    pub fn reduced(&self, longest: usize) -> Self {
-        let to = reduced_size(self.size, longest);
-        let filter = |values: &[f64]| box_filter(values, self.size, to);
-        let mask = self.mask.as_ref().map(|m| Mask { path: m.path.clone(), coverage: filter(&m.coverage) });
-        Self { size: to, luminance: filter(&self.luminance), mask }
-    }
-
-    /// Display luminance of every pixel, row-major.
+    /// Display luminance of every pixel.
     #[must_use]
     pub fn display_luminance(&self, mode: LuminanceMode) -> Vec<f64> {
         // The exposure is in the luminance already.
@@ -185,27 +214,10 @@ impl Photo {
     }
 }
 
-/// Exposure that an EXR file of this program states.
-fn stored_exposure(exr: &ExrImage) -> Option<f64> {
-    let exposure = exr.lightopt.as_ref()?.get("exposure")?.as_f64()?;
-    (exposure > 0.0).then_some(exposure)
-}
-
-/// The mask read from `path`, when it has the photograph's size.
-fn fitting(path: &Path, mask: &MaskImage, photo: &Path, size: [usize; 2]) -> Result<Mask, PhotoError> {
-    let mask_size = [mask.width, mask.height];
-    if mask_size != size {
-        let (mask, photo) = (path.to_owned(), photo.to_owned());
-        return Err(PhotoError::MaskSize { mask, mask_size, photo, photo_size: size });
-    }
-    let coverage = mask.object.iter().map(|&object| f64::from(u8::from(object))).collect();
-    Ok(Mask { path: path.to_owned(), coverage })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::image_file::{write_mask_png, write_png};
+    use crate::film::image_file::{LinearImage, read_image, write_mask_png, write_png};
     use crate::math::display::{eotf_srgb, oetf_srgb};
 
     #[test]
@@ -220,7 +232,7 @@ mod tests {
         let object = (0..width * height).map(|i| i % width < 3 && i / width < 3).collect();
         write_mask_png(&mask_path, &MaskImage { width, height, object }).unwrap();
 
-        let photo = Photo::read(&path, Some(&mask_path)).unwrap().reduced(4);
+        let photo = Photo::read(&path, Some(&mask_path), None).unwrap().reduced(4);
         assert_eq!(photo.size(), [4, 2]);
         for l in photo.display_luminance(LuminanceMode::Srgb) {
             assert!((l - oetf_srgb(0.5)).abs() < 1e-6, "{l}");
@@ -236,7 +248,7 @@ mod tests {
         let path = directory.path().join("a.png");
         let rgb = (0..60).map(|i| [i as f32 / 60.0, 0.3, eotf_srgb(0.5) as f32]).collect();
         write_png(&path, &LinearImage { width: 10, height: 6, rgb }, 1.0).unwrap();
-        let l = Photo::read(&path, None).unwrap().reduced(10).display_luminance(LuminanceMode::Srgb);
+        let l = Photo::read(&path, None, None).unwrap().reduced(10).display_luminance(LuminanceMode::Srgb);
         assert_eq!(l, LuminanceMode::Srgb.encode_image(&read_image(&path).unwrap().rgb, 1.0));
     }
 }

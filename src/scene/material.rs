@@ -399,13 +399,14 @@ impl Material {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::Samples;
     use crate::scene::texture::{Channel, Encoding};
 
     /// Texels 0 and 1 side by side in red, 0.5 and 0.5 in green.
     fn map(channel: Channel) -> Option<ScalarMap> {
-        let image = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba([255 * x as u8, 51, 0, 255]));
-        let texture = Texture::from_image(image::DynamicImage::ImageRgba8(image), Encoding::Linear);
-        Some(ScalarMap { texture: Arc::new(texture.expect("has pixels")), channel })
+        let texels = Samples::U8(vec![0, 51, 0, 255, 255, 51, 0, 255]);
+        let texture = Texture::from_samples([2, 1], 4, texels, Encoding::Linear);
+        Some(ScalarMap { texture: Arc::new(texture), channel })
     }
 
     fn material(params: MaterialParams) -> Material {

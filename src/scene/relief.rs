@@ -59,6 +59,7 @@ mod tests {
     use glam::Affine2;
 
     use super::*;
+    use crate::picture::Samples;
     use crate::scene::texture::{Channel, Encoding, ScalarMap, Texture};
 
     /// A triangle in the plane z = 0 whose u runs along `du` and whose v along `dv`.
@@ -76,10 +77,8 @@ mod tests {
 
     fn image(f: impl Fn(u32, u32) -> [u16; 3]) -> Arc<Texture> {
         let image = image::ImageBuffer::from_fn(8, 8, |x, y| image::Rgb(f(x, y)));
-        Arc::new(
-            Texture::from_image(image::DynamicImage::ImageRgb16(image), Encoding::Linear)
-                .expect("has pixels"),
-        )
+        let texels = Samples::U16(image.into_raw());
+        Arc::new(Texture::from_samples([8, 8], 3, texels, Encoding::Linear))
     }
 
     fn encoded(n: Vec3) -> [u16; 3] {

@@ -3,35 +3,25 @@
 //! Texels are kept as the file stores them, 8 or 16 bits a channel or floating
 //! point, and decoded when they are looked up.
 
+mod loader;
+
 use std::{
     fmt,
-    path::{Path, PathBuf},
     sync::{Arc, LazyLock},
 };
 
 use glam::{Affine2, Vec2, Vec4};
 
-use crate::math::{Rgb, hash::hash_bytes};
+pub use loader::{TextureError, TextureLoader};
 
-/// A texture could not be loaded.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: cannot read the texture ({role})", path = path.display())]
-pub struct TextureError {
-    path: PathBuf,
-    role: String,
-    source: image::ImageError,
-}
+use crate::{
+    math::{Rgb, hash::hash_bytes},
+    picture::Samples,
+};
 
 /// What the images of a scene may occupy, bytes: 64 images of 2048² texels of 8
 /// bits fit, and a machine that renders has it to spare.
 pub const TEXTURE_BUDGET: u64 = 1 << 30;
-
-/// Most bytes that decoding one image may take, whatever its header says:
-/// 16384² texels of 8 bits.
-const MAX_DECODED: u64 = 1 << 30;
-
-/// Largest width and height of an image, texels; 4096 such rows of 8 bits take [`MAX_DECODED`].
-const MAX_SIDE: u32 = 1 << 16;
 
 /// What the numbers of an 8- or 16-bit image mean; floating-point images are linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -57,7 +47,10 @@ struct Image {
     width: usize,
     height: usize,
     encoding: Encoding,
-    texels: Texels,
+    /// Interleaved channels of a texel: grey, grey and alpha, RGB, or RGB and alpha.
+    channels: usize,
+    /// As stored, row by row from the top.
+    texels: Samples,
     /// Smallest and largest decoded value of each channel.
     range: [Vec4; 2],
 }
@@ -66,21 +59,30 @@ impl fmt::Debug for Image {
     /// Size and encoding, and a hash for the texels.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let hash = match &self.texels {
-            Texels::U8(t) => hash_bytes(t.as_flattened().iter().copied()),
-            Texels::U16(t) => hash_bytes(t.as_flattened().iter().flat_map(|v| v.to_le_bytes())),
-            Texels::F32(t) => hash_bytes(t.as_flattened().iter().flat_map(|v| v.to_le_bytes())),
+            Samples::U8(t) => hash_bytes(t.iter().copied()),
+            Samples::U16(t) => hash_bytes(t.iter().flat_map(|v| v.to_le_bytes())),
+            Samples::F32(t) => hash_bytes(t.iter().flat_map(|v| v.to_le_bytes())),
         };
-        let Self { width, height, encoding, .. } = self;
-        write!(f, "Image({width} x {height}, {encoding:?}, {hash:016x})")
+        let Self { width, height, channels, encoding, .. } = self;
+        write!(f, "Image({width} x {height} x {channels}, {encoding:?}, {hash:016x})")
     }
 }
 
-/// Texels as stored, row by row from the top.
-#[derive(Clone)]
-enum Texels {
-    U8(Vec<[u8; 4]>),
-    U16(Vec<[u16; 4]>),
-    F32(Vec<[f32; 4]>),
+/// Width, height and bytes of a texel of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Extent {
+    size: [usize; 2],
+    texel: usize,
+}
+
+impl Extent {
+    fn bytes(self) -> u64 {
+        self.size.map(|n| n as u64).iter().product::<u64>() * self.texel as u64
+    }
+
+    fn halved(self) -> Self {
+        Self { size: self.size.map(|n| n.div_ceil(2)), ..self }
+    }
 }
 
 /// The numbers of one channel of an image.
@@ -125,19 +127,21 @@ impl ScalarMap {
     }
 }
 
-impl Texels {
-    fn bytes(&self) -> u64 {
-        (match self {
-            Self::U8(t) => size_of_val(t.as_slice()),
-            Self::U16(t) => size_of_val(t.as_slice()),
-            Self::F32(t) => size_of_val(t.as_slice()),
-        }) as u64
+/// The four values of a texel: grey is all colours, and what has no alpha is opaque.
+fn rgba<T: Copy>(texel: &[T], opaque: T) -> [T; 4] {
+    match *texel {
+        [v] => [v, v, v, opaque],
+        [v, a] => [v, v, v, a],
+        [r, g, b] => [r, g, b, opaque],
+        [r, g, b, a] => [r, g, b, a],
+        _ => unreachable!("a texel has one to four channels"),
     }
 }
 
 impl Image {
-    fn new(name: String, [width, height]: [usize; 2], encoding: Encoding, texels: Texels) -> Self {
-        let mut image = Self { name, width, height, encoding, texels, range: [Vec4::ZERO; 2] };
+    fn new(name: String, size: [usize; 2], encoding: Encoding, channels: usize, texels: Samples) -> Self {
+        let [width, height] = size;
+        let mut image = Self { name, width, height, encoding, channels, texels, range: [Vec4::ZERO; 2] };
         let (mut lo, mut hi) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
         for i in 0..width * height {
             let t = image.decoded(i);
@@ -147,22 +151,31 @@ impl Image {
         image
     }
 
+    fn extent(&self) -> Extent {
+        Extent { size: [self.width, self.height], texel: self.channels * self.texels.width() }
+    }
+
     /// Linear values of a texel by its index.
     fn decoded(&self, i: usize) -> Vec4 {
+        let at = i * self.channels..(i + 1) * self.channels;
         match (&self.texels, self.encoding) {
-            (Texels::U8(t), Encoding::Srgb) => {
-                let ([r, g, b, a], table) = (t[i], &*SRGB_8);
+            (Samples::U8(t), Encoding::Srgb) => {
+                let ([r, g, b, a], table) = (rgba(&t[at], u8::MAX), &*SRGB_8);
                 let c = |v: u8| table[usize::from(v)];
                 Vec4::new(c(r), c(g), c(b), f32::from(a) / 255.0)
             }
-            (Texels::U8(t), Encoding::Linear) => Vec4::from_array(t[i].map(|v| f32::from(v) / 255.0)),
-            (Texels::U16(t), Encoding::Srgb) => {
-                let ([r, g, b, a], table) = (t[i], &*SRGB_16);
+            (Samples::U8(t), Encoding::Linear) => {
+                Vec4::from_array(rgba(&t[at], u8::MAX).map(|v| f32::from(v) / 255.0))
+            }
+            (Samples::U16(t), Encoding::Srgb) => {
+                let ([r, g, b, a], table) = (rgba(&t[at], u16::MAX), &*SRGB_16);
                 let c = |v: u16| table[usize::from(v)];
                 Vec4::new(c(r), c(g), c(b), f32::from(a) / 65535.0)
             }
-            (Texels::U16(t), Encoding::Linear) => Vec4::from_array(t[i].map(|v| f32::from(v) / 65535.0)),
-            (Texels::F32(t), _) => Vec4::from_array(t[i]),
+            (Samples::U16(t), Encoding::Linear) => {
+                Vec4::from_array(rgba(&t[at], u16::MAX).map(|v| f32::from(v) / 65535.0))
+            }
+            (Samples::F32(t), _) => Vec4::from_array(rgba(&t[at], 1.0)),
         }
     }
 
@@ -184,20 +197,51 @@ impl Image {
                 Encoding::Srgb => m.truncate().map(srgb_encode).extend(m.w),
             }
         };
+        // The channels that are kept, of four.
+        let kept: &[usize] = match self.channels {
+            1 => &[0],
+            2 => &[0, 3],
+            3 => &[0, 1, 2],
+            _ => &[0, 1, 2, 3],
+        };
         let n = width * height;
         let texels = match &self.texels {
-            Texels::U8(_) => Texels::U8(
-                (0..n).map(|i| (encoded(i) * 255.0).to_array().map(|v| v.round_ties_even() as u8)).collect(),
-            ),
-            Texels::U16(_) => Texels::U16(
-                (0..n)
-                    .map(|i| (encoded(i) * 65535.0).to_array().map(|v| v.round_ties_even() as u16))
-                    .collect(),
-            ),
-            Texels::F32(_) => Texels::F32((0..n).map(|i| mean(i).to_array()).collect()),
+            Samples::U8(_) => {
+                let texel = |i| (encoded(i) * 255.0).to_array().map(|v| v.round_ties_even() as u8);
+                Samples::U8((0..n).flat_map(|i| selected(texel(i), kept)).collect())
+            }
+            Samples::U16(_) => {
+                let texel = |i| (encoded(i) * 65535.0).to_array().map(|v| v.round_ties_even() as u16);
+                Samples::U16((0..n).flat_map(|i| selected(texel(i), kept)).collect())
+            }
+            Samples::F32(_) => {
+                Samples::F32((0..n).flat_map(|i| selected(mean(i).to_array(), kept)).collect())
+            }
         };
-        Self::new(self.name.clone(), [width, height], self.encoding, texels)
+        Self::new(self.name.clone(), [width, height], self.encoding, self.channels, texels)
     }
+
+    /// The image halved until it is of `size`.
+    fn halved_to(image: Arc<Self>, size: [usize; 2]) -> Arc<Self> {
+        let mut image = image;
+        while [image.width, image.height] != size && image.width * image.height > 1 {
+            image = Arc::new(image.halved());
+        }
+        image
+    }
+
+    fn reduction(&self, [width, height]: [usize; 2], budget: u64) -> String {
+        let allowed = budget >> 20;
+        format!(
+            "{}: reduced from {width} x {height} to {} x {} texels: the textures of a scene may occupy \
+             {allowed} MiB",
+            self.name, self.width, self.height
+        )
+    }
+}
+
+fn selected<T: Copy>(texel: [T; 4], kept: &[usize]) -> impl Iterator<Item = T> {
+    kept.iter().map(move |&c| texel[c])
 }
 
 /// The four texels that bilinear filtering mixes at a point.
@@ -209,62 +253,19 @@ struct Footprint {
 }
 
 impl Texture {
-    /// Reads an image file: BMP, EXR, HDR, JPEG, PNG, TGA, TIFF or WebP. `role`
-    /// says in messages what the image is for.
+    /// A texture of the given width and height whose texels have 1 to 4 interleaved channels: grey,
+    /// grey and alpha, RGB, or RGB and alpha.
     ///
-    /// # Errors
-    /// When the file is missing, not an image, or larger than 1 GiB decoded.
-    pub fn load(path: &Path, encoding: Encoding, role: &str) -> Result<Self, TextureError> {
-        let error = |source| TextureError { path: path.into(), role: role.into(), source };
-        let mut limits = image::Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        limits.max_alloc = Some(MAX_DECODED);
-        let image = image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(image::ImageError::IoError)
-            .and_then(|mut reader| {
-                reader.limits(limits);
-                reader.decode()
-            })
-            .map_err(error)?;
-        Ok(Self::from_image(image, encoding).map_err(error)?.named(path.display().to_string()))
-    }
-
-    /// A texture of a decoded image.
-    ///
-    /// # Errors
-    /// When it has no pixels.
-    pub fn from_image(image: image::DynamicImage, encoding: Encoding) -> Result<Self, image::ImageError> {
-        use image::ColorType::{L8, L16, La8, La16, Rgb8, Rgb16, Rgba8, Rgba16};
-        let [width, height] = [image.width() as usize, image.height() as usize];
-        if width == 0 || height == 0 {
-            let empty = std::io::Error::new(std::io::ErrorKind::InvalidData, "the image has no pixels");
-            return Err(image::ImageError::IoError(empty));
-        }
-        let (texels, encoding) = match image.color() {
-            L8 | La8 | Rgb8 | Rgba8 => {
-                (Texels::U8(image.into_rgba8().pixels().map(|p| p.0).collect()), encoding)
-            }
-            L16 | La16 | Rgb16 | Rgba16 => {
-                (Texels::U16(image.into_rgba16().pixels().map(|p| p.0).collect()), encoding)
-            }
-            _ => {
-                // No material parameter is negative or not a number.
-                let sane = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
-                let texels = image.into_rgba32f().pixels().map(|p| p.0.map(sane)).collect();
-                (Texels::F32(texels), Encoding::Linear)
-            }
-        };
-        let image = Image::new("image".into(), [width, height], encoding, texels);
-        Ok(Self { image: Arc::new(image), transform: Affine2::IDENTITY })
-    }
-
-    /// The texture under the name that messages give it.
+    /// # Panics
+    /// When the samples do not fill the size.
     #[must_use]
-    pub fn named(mut self, name: String) -> Self {
-        Arc::make_mut(&mut self.image).name = name;
-        self
+    pub fn from_samples(size: [usize; 2], channels: usize, texels: Samples, encoding: Encoding) -> Self {
+        assert!(
+            (1..=4).contains(&channels) && texels.len() == size[0] * size[1] * channels && !texels.is_empty(),
+            "the samples must fill the image"
+        );
+        let image = Image::new("image".into(), size, encoding, channels, texels);
+        Self { image: Arc::new(image), transform: Affine2::IDENTITY }
     }
 
     /// The same image where the surface's texture coordinates (v up) pass
@@ -356,29 +357,29 @@ pub fn fit(textures: &mut [&mut Arc<Texture>], budget: u64) -> Vec<String> {
             })
         })
         .collect();
-    let original: Vec<[usize; 2]> = images.iter().map(|i| [i.width, i.height]).collect();
-    while images.iter().map(|i| i.texels.bytes()).sum::<u64>() > budget {
-        // The first of the largest: the result does not depend on anything else.
-        let largest = images.iter_mut().rev().max_by_key(|i| i.texels.bytes());
-        let Some(image) = largest.filter(|i| i.width * i.height > 1) else { break };
-        *image = Arc::new(image.halved());
-    }
+    let extents: Vec<Extent> = images.iter().map(|i| i.extent()).collect();
+    let fitting = fitting(extents.clone(), budget);
+    let images: Vec<Arc<Image>> =
+        images.into_iter().zip(&fitting).map(|(image, to)| Image::halved_to(image, to.size)).collect();
     for (texture, &i) in textures.iter_mut().zip(&of) {
         if !Arc::ptr_eq(&texture.image, &images[i]) {
             **texture = Arc::new(Texture { image: images[i].clone(), transform: texture.transform });
         }
     }
-    let reduced = images.iter().zip(original).filter(|(i, size)| [i.width, i.height] != *size);
-    reduced
-        .map(|(i, [width, height])| {
-            let allowed = budget >> 20;
-            format!(
-                "{}: reduced from {width} x {height} to {} x {} texels: the textures of a scene may \
-                 occupy {allowed} MiB",
-                i.name, i.width, i.height
-            )
-        })
-        .collect()
+    let reduced = images.iter().zip(&extents).filter(|(i, from)| i.extent() != **from);
+    reduced.map(|(i, from)| i.reduction(from.size, budget)).collect()
+}
+
+/// The extents when the largest are halved, first of equals first, until all together take at
+/// most `budget` bytes.
+fn fitting(mut extents: Vec<Extent>, budget: u64) -> Vec<Extent> {
+    while extents.iter().map(|e| e.bytes()).sum::<u64>() > budget {
+        // The first of the largest: the result does not depend on anything else.
+        let largest = extents.iter_mut().rev().max_by_key(|e| e.bytes());
+        let Some(extent) = largest.filter(|e| e.size != [1, 1]) else { break };
+        *extent = extent.halved();
+    }
+    extents
 }
 
 /// Decoded 8-bit values.
@@ -410,7 +411,8 @@ mod tests {
     }
 
     fn texture(image: image::RgbaImage, encoding: Encoding) -> Arc<Texture> {
-        Arc::new(Texture::from_image(image::DynamicImage::ImageRgba8(image), encoding).expect("has pixels"))
+        let size = [image.width() as usize, image.height() as usize];
+        Arc::new(Texture::from_samples(size, 4, Samples::U8(image.into_raw()), encoding))
     }
 
     #[test]
@@ -419,8 +421,8 @@ mod tests {
         let wide = image::DynamicImage::ImageRgba8(image.clone()).into_rgba16();
         for encoding in [Encoding::Srgb, Encoding::Linear] {
             let a = texture(image.clone(), encoding);
-            let b = Texture::from_image(image::DynamicImage::ImageRgba16(wide.clone()), encoding)
-                .expect("has pixels");
+            let samples = Samples::U16(wide.as_raw().clone());
+            let b = Texture::from_samples([5, 3], 4, samples, encoding);
             for i in 0..100 {
                 let uv = Vec2::new(i as f32 * 0.37 - 9.0, i as f32 * 0.23 - 7.0);
                 assert!((a.sample_rgba(uv) - b.sample_rgba(uv)).abs().max_element() < 1e-6);

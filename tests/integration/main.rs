@@ -12,6 +12,8 @@ mod gltf;
 mod known_optimum;
 mod loader;
 mod photo;
+mod picture_limits;
+mod pictures;
 mod reliability;
 mod render;
 mod room;

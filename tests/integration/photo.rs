@@ -318,8 +318,8 @@ fn wrong_folders_photographs_and_masks_are_refused_in_one_line() {
     let black = MaskImage { width: 24, height: 16, object: vec![false; 24 * 16] };
     write_mask_png(&directory.path().join("masks/low0.png"), &black).unwrap();
     refused(&mut with(&["--masks", "masks"]), &["masks/low0.png", "the mask marks no pixel"]);
-    fs::write(directory.path().join("high/broken.jpg"), "no picture").unwrap();
-    refused(&mut with(&[]), &["high/broken.jpg: cannot read it as a picture"]);
+    fs::write(directory.path().join("empty/broken.jpg"), "no picture").unwrap();
+    refused(&mut with(&["--class", "x=empty"]), &["empty/broken.jpg: cannot read it as a picture"]);
     let mut command = program(directory.path());
     command.args(["learn-signature", "--class", "a=low", "-o", "styles.txt"]);
     refused(&mut command, &["styles.txt: the signature library ends in .toml"]);

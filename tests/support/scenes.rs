@@ -10,6 +10,7 @@ use lightopt_embree::{
         Shape, Sphere, Surroundings, look_frame,
     },
     math::Rgb,
+    picture::Samples,
     scene::{
         Material, Mesh, Scene,
         material::{Coats, MaterialParams, Model, Relief},
@@ -343,10 +344,11 @@ pub fn out_of_focus(size: (u32, u32)) -> Scene {
 pub fn image(size: u32, f: impl Fn(Vec2) -> [f32; 4]) -> Arc<Texture> {
     let texel = |x: u32, y: u32| {
         let uv = Vec2::new(x as f32 + 0.5, (size - y) as f32 - 0.5) / size as f32;
-        image::Rgba(f(uv).map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16))
+        f(uv).map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16)
     };
-    let image = image::DynamicImage::ImageRgba16(image::ImageBuffer::from_fn(size, size, texel));
-    Arc::new(Texture::from_image(image, Encoding::Linear).unwrap())
+    let texels = (0..size * size).flat_map(|i| texel(i % size, i / size)).collect();
+    let extent = [size as usize; 2];
+    Arc::new(Texture::from_samples(extent, 4, Samples::U16(texels), Encoding::Linear))
 }
 
 pub fn scalar(texture: &Arc<Texture>, channel: Channel) -> ScalarMap {

@@ -1,9 +1,9 @@
 //! Runs that the figures show.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
 use super::args::{Settings, WIDEST};
 use crate::{
@@ -23,6 +23,7 @@ use crate::{
     integrator::Observer,
     lighting::Lighting,
     objective::{LuminanceMode, Target},
+    picture::{Picture, Purpose, Reading},
     variables::FreeKinds,
 };
 
@@ -211,9 +212,13 @@ impl Runner<'_> {
 }
 
 /// Reads a picture of a run, reduced to at most [`WIDEST`].
-fn picture(path: &PathBuf) -> anyhow::Result<RgbImage> {
-    let image = image::open(path).with_context(|| format!("{}: cannot read the picture", path.display()))?;
-    let image = image.to_rgb8();
+fn picture(path: &Path) -> anyhow::Result<RgbImage> {
+    let reading = Reading { kept: 3, ..Reading::of(Purpose::RawTexture) };
+    let picture = Picture::read(path, &reading)?;
+    let image = RgbImage::from_fn(picture.width as u32, picture.height as u32, |x, y| {
+        let [r, g, b, _] = picture.stored(y as usize * picture.width + x as usize);
+        Rgb([r, g, b].map(|v| (v * 255.0).round() as u8))
+    });
     if image.width() <= WIDEST {
         return Ok(image);
     }

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{MAX_PIXELS, MAX_SAMPLES};
+use super::MAX_SAMPLES;
 use crate::files::atomic::AtomicWriteError;
+use crate::picture::budget::MAX_PIXELS;
+use crate::picture::exr::ExrFault;
 
 /// Why an EXR file cannot be read or written.
 #[derive(Debug, Error)]
@@ -17,7 +19,7 @@ pub enum ExrError {
         path: PathBuf,
         /// Error of the decoder or encoder.
         #[source]
-        source: exr::error::Error,
+        source: ExrFault,
     },
     /// The encoder refuses the picture.
     #[error("{path}: cannot write the EXR picture", path = .path.display())]
@@ -89,14 +91,6 @@ pub enum ExrError {
     Empty {
         /// Path of the EXR file.
         path: PathBuf,
-    },
-    /// A channel has a reduced resolution.
-    #[error("{path}: channel `{channel}` is subsampled, which is not supported", path = .path.display())]
-    Subsampled {
-        /// Path of the EXR file.
-        path: PathBuf,
-        /// Name of the channel.
-        channel: String,
     },
     /// The attribute `lightopt` is not JSON.
     #[error("{path}: the attribute `lightopt` is not valid JSON", path = .path.display())]

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::{emitters::Emitters, source::Source};
 use crate::{
-    film::image_file::read_image,
+    film::image_file::LinearImage,
     import::{
         error::ImportError,
         imported::{ImportedLight, Punctual},
@@ -22,6 +22,7 @@ use crate::{
     },
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
+    picture::{Picture, Purpose, Reading},
 };
 
 /// Widest picture of surroundings that is not reduced, texels. Memory against sharpness: 4096 × 2048
@@ -234,26 +235,33 @@ impl LightReader<'_> {
         Ok(Environment { map, rotation: rotation.to_radians(), scene: Surroundings::default() })
     }
 
-    /// Reads a picture of the surroundings beside the sidecar, halved until it is at most
-    /// [`MAX_MAP_WIDTH`] wide or a side is odd.
+    /// Reads a picture of the surroundings beside the sidecar, with 0 for negative values, halved until
+    /// it is at most [`MAX_MAP_WIDTH`] wide or a side is odd.
     fn radiance_map(&self, name: &str, warnings: &mut Vec<String>) -> Result<RadianceMap, ImportError> {
         let sidecar = self.source.sidecar_path;
         let path = sidecar.parent().unwrap_or(Path::new("")).join(name);
-        let picture = read_image(&path).map_err(|source| ImportError::Picture {
+        let reading = Reading { kept: LinearImage::PIXEL, ..Reading::of(Purpose::Light) };
+        let picture = Picture::read(&path, &reading).map_err(|source| ImportError::Picture {
             path: sidecar.into(),
             key: self.key("image"),
             source: Box::new(source),
         })?;
-        let (mut width, mut height, mut texels) = (picture.width, picture.height, picture.rgb);
+        let wrong = |message: String| self.error("image", format!("{}: {message}", path.display()));
+        let mut image = LinearImage::of(&picture);
+        let negative = image.make_radiance().map_err(|bad| wrong(bad.to_string()))?;
+        let notes = picture.notes.iter().map(ToString::to_string).chain(negative);
+        warnings.extend(notes.map(|note| format!("{}: {note}", path.display())));
+        drop(picture);
+        let LinearImage { mut width, mut height, rgb: mut texels } = image;
+        let original = width;
         while width > MAX_MAP_WIDTH && width % 2 == 0 && height % 2 == 0 {
             texels = halve(&texels, width);
             (width, height) = (width / 2, height / 2);
         }
-        if width != picture.width {
+        if width != original {
             warnings.push(format!("{}: reduced to {width} x {height} pixels", path.display()));
         }
-        RadianceMap::new(width, height, texels)
-            .ok_or_else(|| self.error("image", format!("{}: needs values >= 0, not all 0", path.display())))
+        RadianceMap::new(width, height, texels).ok_or_else(|| wrong("needs values >= 0, not all 0".into()))
     }
 
     fn mesh(&self, emitters: &mut Emitters) -> Result<(Shape, Option<Rgb>), ImportError> {

@@ -1,6 +1,6 @@
 //! Images of materials and where they lie.
 
-use std::{collections::HashMap, io::Cursor, sync::Arc};
+use std::{collections::HashMap, error::Error, iter, sync::Arc};
 
 use glam::Vec2;
 use gltf_json::{
@@ -14,7 +14,7 @@ use gltf_json::{
 use super::{file::File, warnings::Warnings};
 use crate::{
     import::error::ImportError,
-    scene::texture::{Encoding, Texture},
+    scene::texture::{Encoding, Texture, TextureLoader},
 };
 
 /// Mapping from a mesh's texture coordinates to those of an image, both with v down:
@@ -102,12 +102,13 @@ impl<'a> TextureRef<'a> {
 pub struct Textures<'a> {
     file: &'a File,
     read: HashMap<(usize, Encoding), Arc<Texture>>,
+    loader: TextureLoader,
 }
 
 impl<'a> Textures<'a> {
     /// The images of `file`, none of them read yet.
     pub fn new(file: &'a File) -> Self {
-        Self { file, read: HashMap::new() }
+        Self { file, read: HashMap::new(), loader: TextureLoader::default() }
     }
 
     /// The image that a material refers to. The first of a material decides where all lie; one that
@@ -141,6 +142,7 @@ impl<'a> Textures<'a> {
         }
         let role = format!("`{}` of material `{}`", reference.key, material.name);
         let texture = Arc::new(self.load(&key, source, encoding, &role)?);
+        self.loader.notes.drain(..).for_each(|note| material.warnings.add(note));
         self.read.insert((source.value(), encoding), texture.clone());
         Ok(texture)
     }
@@ -160,7 +162,7 @@ impl<'a> Textures<'a> {
     }
 
     fn load(
-        &self,
+        &mut self,
         key: &str,
         index: Index<Image>,
         encoding: Encoding,
@@ -178,18 +180,17 @@ impl<'a> Textures<'a> {
                     data = found?;
                     &data
                 }
-                None => return Ok(Texture::load(&file.path_of(&key, uri)?, encoding, role)?),
+                None => return Ok(self.loader.load_raw(&file.path_of(&key, uri)?, encoding, role)?),
             }
         } else {
             return Err(file.error(key, "needs `uri` or `bufferView`"));
         };
-        image::ImageReader::new(Cursor::new(bytes))
-            .with_guessed_format()
-            .map_err(image::ImageError::IoError)
-            .and_then(image::ImageReader::decode)
-            .and_then(|image| Texture::from_image(image, encoding))
-            .map(|texture| texture.named(format!("{}: {key}", file.path.display())))
-            .map_err(|e| file.error(key, format!("cannot be decoded: {e}")))
+        let name = format!("{}: {key}", file.path.display());
+        self.loader.decode(bytes, encoding, name).map_err(|fault| {
+            let causes: String =
+                iter::successors(fault.source(), |&e| e.source()).map(|e| format!(": {e}")).collect();
+            file.error(key, format!("cannot be decoded: {fault}{causes}"))
+        })
     }
 }
 

@@ -1,0 +1,284 @@
+//! Pictures of other programs: the one reader for photographs, masks, textures, environments
+//! and whatever is measured.
+//!
+//! A picture is kept as its samples were decoded, with what they mean, and becomes linear
+//! Rec.709 where it is used. Integer samples are sRGB-encoded and floating point is linear,
+//! unless the file says otherwise; transparency is straight, but for EXR and for TIFF that says
+//! so. What is honoured of each format is listed in `docs/formats-pictures.md`.
+//!
+//! # References
+//! \[IEC61966\] (sRGB), \[PNG3\] (gAMA, cHRM, sRGB, cICP), \[TIFF6\] (SampleFormat, ExtraSamples),
+//! \[OpenEXR\] (chromaticities, premultiplication), \[Radiance\] (EXPOSURE, COLORCORR, PRIMARIES).
+
+pub mod budget;
+mod colour;
+pub mod exr;
+mod fault;
+mod format;
+mod icc;
+mod jpeg;
+mod light;
+mod note;
+mod png;
+mod primaries;
+mod radiance;
+mod raster;
+mod samples;
+mod tga;
+mod tiff;
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
+
+use image::metadata::Orientation;
+
+pub use colour::{Colour, Transfer};
+pub use fault::{Fault, PictureError};
+pub use format::Format;
+pub use note::Note;
+pub use samples::Samples;
+
+use crate::math::display::luminance;
+
+/// What a picture is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Its light, over black.
+    Light,
+    /// Colours and transparency of a surface.
+    Texture,
+    /// The numbers of a texture: what the file says about its colours does not count. So glTF
+    /// wants it of all, and so it is with roughness, normals and heights.
+    RawTexture,
+    /// Where the object is.
+    Mask,
+}
+
+impl Purpose {
+    /// Whether what the file says about its colours counts.
+    #[must_use]
+    pub fn honours_metadata(self) -> bool {
+        matches!(self, Self::Light | Self::Texture)
+    }
+
+    /// Whether the picture is turned as its metadata say; textures lie as their file has them.
+    #[must_use]
+    pub fn is_upright(self) -> bool {
+        matches!(self, Self::Light | Self::Mask)
+    }
+}
+
+/// How to read a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading<'a> {
+    /// What for.
+    pub purpose: Purpose,
+    /// The layer of an EXR by name; by default the one that is the picture.
+    pub layer: Option<&'a str>,
+    /// Bytes that the caller keeps of each pixel beside the decoded samples.
+    pub kept: usize,
+}
+
+impl Reading<'_> {
+    /// For a purpose.
+    #[must_use]
+    pub const fn of(purpose: Purpose) -> Self {
+        Self { purpose, layer: None, kept: 0 }
+    }
+}
+
+/// Whether the alpha of a picture has been multiplied into its colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// The colours are those of opaque surfaces.
+    Straight,
+    /// The colours are the light that is seen before black.
+    Premultiplied,
+}
+
+/// A picture as decoded, upright.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Interleaved channels, 1 to 4.
+    pub channels: usize,
+    /// The channels.
+    pub samples: Samples,
+    /// What an alpha channel means.
+    pub alpha: Alpha,
+    /// What the numbers mean.
+    pub colour: Colour,
+    /// What people should hear of.
+    pub notes: Vec<Note>,
+    /// The attribute of our EXR files, JSON.
+    pub attribute: Option<String>,
+    /// The channel `mask` of an EXR that has one, of a picture that is read for its light; row
+    /// by row, 1 on the object.
+    pub mask: Option<Vec<f32>>,
+    /// Linear light by sample; empty for floating point.
+    table: Vec<f64>,
+}
+
+/// A file or bytes in memory.
+trait Source: BufRead + Seek {}
+impl<T: BufRead + Seek> Source for T {}
+
+impl Picture {
+    /// Reads a file. Its content decides on the format, and its name where the content has no
+    /// mark.
+    ///
+    /// # Errors
+    /// When it is no regular file, no picture, damaged, or larger than [`budget`] allows.
+    pub fn read(path: &Path, reading: &Reading) -> Result<Self, PictureError> {
+        let read = || {
+            // Opening a pipe would wait for its writer.
+            if !path.metadata().map_err(Fault::Open)?.is_file() {
+                return Err(Fault::NoFile);
+            }
+            let file = File::open(path).map_err(Fault::Open)?;
+            Self::decode_from(Box::new(BufReader::new(file)), Some(path), reading)
+        };
+        read().map_err(|fault| PictureError { path: path.to_owned(), fault })
+    }
+
+    /// Reads a file's content.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn decode(bytes: &[u8], reading: &Reading) -> Result<Self, Fault> {
+        Self::decode_from(Box::new(Cursor::new(bytes)), None, reading)
+    }
+
+    fn decode_from(
+        mut source: Box<dyn Source + '_>,
+        name: Option<&Path>,
+        reading: &Reading,
+    ) -> Result<Self, Fault> {
+        match Format::of(&mut source, name)?.ok_or(Fault::UnknownFormat)? {
+            Format::Exr => light::read_exr(source, reading),
+            Format::Tiff => tiff::read(source, reading),
+            Format::Hdr => radiance::read(source, reading),
+            format => raster::read(source, format, reading),
+        }
+    }
+
+    /// A picture of decoded samples, which `turn` brings upright.
+    fn new(size: [usize; 2], channels: usize, samples: Samples, colour: Colour, turn: Orientation) -> Self {
+        let (samples, [width, height]) = samples.upright(size, channels, turn);
+        let steps = match samples {
+            Samples::U8(_) => 255,
+            Samples::U16(_) => 65_535,
+            Samples::F32(_) => 0,
+        };
+        let decode = |v: u32| colour.transfer.decode(f64::from(v) / f64::from(steps));
+        let table = if steps > 0 { (0..=steps).map(decode).collect() } else { Vec::new() };
+        Self {
+            width,
+            height,
+            channels,
+            samples,
+            alpha: Alpha::Straight,
+            colour,
+            notes: Vec::new(),
+            attribute: None,
+            mask: None,
+            table,
+        }
+    }
+
+    /// What our EXR files say of themselves.
+    ///
+    /// # Errors
+    /// When it is no JSON.
+    pub fn our_attribute(&self) -> Result<Option<serde_json::Value>, Fault> {
+        self.attribute.as_deref().map(serde_json::from_str).transpose().map_err(Fault::Attribute)
+    }
+
+    /// Number of pixels.
+    #[must_use]
+    pub fn n_pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Whether it has an alpha channel.
+    #[must_use]
+    pub fn has_alpha(&self) -> bool {
+        self.channels.is_multiple_of(2)
+    }
+
+    /// The colour of a pixel as the file has it, and alpha; integers lie in [0, 1]. Pixels count
+    /// row by row from the top left.
+    #[must_use]
+    pub fn stored(&self, pixel: usize) -> [f64; 4] {
+        let n = self.channels;
+        match &self.samples {
+            Samples::U8(s) => rgba(&s[pixel * n..][..n], |v| f64::from(v) / 255.0, |v| f64::from(v) / 255.0),
+            Samples::U16(s) => {
+                rgba(&s[pixel * n..][..n], |v| f64::from(v) / 65_535.0, |v| f64::from(v) / 65_535.0)
+            }
+            Samples::F32(s) => rgba(&s[pixel * n..][..n], f64::from, f64::from),
+        }
+    }
+
+    /// Linear Rec.709 of a pixel as its alpha has it, and alpha.
+    #[must_use]
+    pub fn decoded(&self, pixel: usize) -> [f64; 4] {
+        let n = self.channels;
+        let [r, g, b, a] = match &self.samples {
+            Samples::U8(s) => {
+                rgba(&s[pixel * n..][..n], |v| self.table[usize::from(v)], |v| f64::from(v) / 255.0)
+            }
+            Samples::U16(s) => {
+                rgba(&s[pixel * n..][..n], |v| self.table[usize::from(v)], |v| f64::from(v) / 65_535.0)
+            }
+            Samples::F32(s) => {
+                rgba(&s[pixel * n..][..n], |v| self.colour.transfer.decode(f64::from(v)), f64::from)
+            }
+        };
+        let [r, g, b] = self.colour.mix([r, g, b]);
+        [r, g, b, a]
+    }
+
+    /// Linear Rec.709 light of a pixel before black.
+    #[must_use]
+    pub fn over_black(&self, pixel: usize) -> [f32; 3] {
+        let [r, g, b, a] = self.decoded(pixel);
+        match self.alpha {
+            Alpha::Straight => [r, g, b].map(|v| (v * a) as f32),
+            Alpha::Premultiplied => [r, g, b].map(|v| v as f32),
+        }
+    }
+
+    /// Linear Rec.709 colour of a pixel's surface, and its alpha.
+    #[must_use]
+    pub fn straight(&self, pixel: usize) -> [f32; 4] {
+        let [r, g, b, a] = self.decoded(pixel);
+        // Where nothing is, no colour can be found.
+        let share = if self.alpha == Alpha::Premultiplied && a > 0.0 { a } else { 1.0 };
+        [(r / share) as f32, (g / share) as f32, (b / share) as f32, a as f32]
+    }
+
+    /// Luminance of a pixel's light before black.
+    #[must_use]
+    pub fn luminance(&self, pixel: usize) -> f64 {
+        luminance(self.over_black(pixel))
+    }
+}
+
+/// Colour and alpha of a pixel's samples.
+fn rgba<T: Copy>(samples: &[T], colour: impl Fn(T) -> f64, alpha: impl Fn(T) -> f64) -> [f64; 4] {
+    match *samples {
+        [grey] => [colour(grey), colour(grey), colour(grey), 1.0],
+        [grey, a] => [colour(grey), colour(grey), colour(grey), alpha(a)],
+        [r, g, b] => [colour(r), colour(g), colour(b), 1.0],
+        [r, g, b, a] => [colour(r), colour(g), colour(b), alpha(a)],
+        _ => unreachable!("a picture has one to four channels"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

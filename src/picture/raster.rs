@@ -1,0 +1,161 @@
+//! PNG, JPEG, WebP, BMP and TGA: the decoders of the crate `image`, and what it does not tell of
+//! their colours.
+
+use std::io::{BufRead, Seek, SeekFrom};
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use super::budget::{self, METADATA_BUDGET};
+use super::{
+    Alpha, Colour, Fault, Format, Note, Picture, Purpose, Reading, Samples, Source, Transfer, icc, jpeg, png,
+    tga,
+};
+
+/// Reads a picture in one of the formats above.
+pub(super) fn read(
+    mut source: Box<dyn Source + '_>,
+    format: Format,
+    reading: &Reading,
+) -> Result<Picture, Fault> {
+    let about = About::read(&mut source, format, reading.purpose)?;
+    source.seek(SeekFrom::Start(0))?;
+    let decode = |e| Fault::decode(format, e);
+    let mut reader = ImageReader::with_format(source, image_format(format));
+    let mut limits = Limits::no_limits();
+    limits.max_alloc = Some(METADATA_BUDGET);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(decode)?;
+    let (width, height) = decoder.dimensions();
+    let turn = match reading.purpose.is_upright() {
+        true => decoder.orientation().map_err(decode)?,
+        false => Orientation::NoTransforms,
+    };
+    let pixel = u64::from(decoder.color_type().bytes_per_pixel());
+    let turning = if turn == Orientation::NoTransforms { 0 } else { pixel };
+    let needed = pixel + turning.max(about.working) + reading.kept as u64;
+    budget::check([u64::from(width), u64::from(height)], needed)?;
+
+    let mut notes = about.notes;
+    if reading.purpose.honours_metadata() && about.asks_profile {
+        notes.extend(icc_note(decoder.icc_profile().ok().flatten(), &about.colour));
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(decode)?;
+    let (mut channels, mut samples) = samples(image, format)?;
+    if about.alpha.is_none() {
+        (channels, samples) = opaque(channels, samples);
+    }
+    let size = [width as usize, height as usize];
+    let mut picture = Picture::new(size, channels, samples, about.colour, turn);
+    (picture.notes, picture.alpha) = (notes, about.alpha.unwrap_or(Alpha::Straight));
+    Ok(picture)
+}
+
+/// What a file says that its decoder does not.
+pub(super) struct About {
+    /// What its numbers mean.
+    pub colour: Colour,
+    /// Whether a profile that the decoder finds should be spoken of.
+    pub asks_profile: bool,
+    /// What its alpha means; `None` when it means nothing.
+    pub alpha: Option<Alpha>,
+    /// Bytes of each pixel that the decoder needs beside the result.
+    pub working: u64,
+    /// What people should hear of.
+    pub notes: Vec<Note>,
+}
+
+impl About {
+    fn read(
+        source: &mut (impl BufRead + Seek + ?Sized),
+        format: Format,
+        purpose: Purpose,
+    ) -> Result<Self, Fault> {
+        let plain = Self {
+            colour: Colour::rec709(Transfer::Srgb),
+            asks_profile: true,
+            alpha: Some(Alpha::Straight),
+            working: 0,
+            notes: Vec::new(),
+        };
+        Ok(match format {
+            Format::Png if purpose.honours_metadata() => png::about(source, plain)?,
+            Format::Tga => Self { alpha: tga::alpha(source)?, ..plain },
+            Format::Jpeg => {
+                budget::check_file(source.seek(SeekFrom::End(0))?)?;
+                source.seek(SeekFrom::Start(0))?;
+                let scans = jpeg::Scans::read(source);
+                let is_cmyk = scans.components == 4;
+                let notes = if is_cmyk { vec![Note::Cmyk] } else { Vec::new() };
+                Self { working: scans.working(), notes, asks_profile: !is_cmyk, ..plain }
+            }
+            // RGBA beside what is asked for.
+            Format::WebP => Self { working: 4, ..plain },
+            _ => plain,
+        })
+    }
+}
+
+/// How profiles of sRGB call themselves, in lower case.
+const SRGB_PROFILES: [&str; 5] =
+    ["srgb iec61966", "srgb built-in", "srgb2014", "srgb color space", "iec 61966-2-1 default rgb"];
+
+/// What to say of a profile, when `colour` is what its picture is taken as.
+pub(super) fn icc_note(profile: Option<Vec<u8>>, colour: &Colour) -> Option<Note> {
+    let name = icc::description(&profile?);
+    let lower = name.as_deref().unwrap_or_default().to_lowercase();
+    let is_srgb = lower == "srgb" || SRGB_PROFILES.iter().any(|known| lower.starts_with(known));
+    let is_taken_as_srgb = colour.is_plain() && colour.transfer == Transfer::Srgb;
+    (!is_srgb || !is_taken_as_srgb).then_some(Note::IccIgnored { profile: name, is_taken_as_srgb })
+}
+
+fn image_format(format: Format) -> ImageFormat {
+    match format {
+        Format::Bmp => ImageFormat::Bmp,
+        Format::Exr => ImageFormat::OpenExr,
+        Format::Hdr => ImageFormat::Hdr,
+        Format::Jpeg => ImageFormat::Jpeg,
+        Format::Png => ImageFormat::Png,
+        Format::Tga => ImageFormat::Tga,
+        Format::Tiff => ImageFormat::Tiff,
+        Format::WebP => ImageFormat::WebP,
+    }
+}
+
+/// Channels and samples of a decoded image.
+fn samples(image: DynamicImage, format: Format) -> Result<(usize, Samples), Fault> {
+    Ok(match image {
+        DynamicImage::ImageLuma8(i) => (1, Samples::U8(i.into_raw())),
+        DynamicImage::ImageLumaA8(i) => (2, Samples::U8(i.into_raw())),
+        DynamicImage::ImageRgb8(i) => (3, Samples::U8(i.into_raw())),
+        DynamicImage::ImageRgba8(i) => (4, Samples::U8(i.into_raw())),
+        DynamicImage::ImageLuma16(i) => (1, Samples::U16(i.into_raw())),
+        DynamicImage::ImageLumaA16(i) => (2, Samples::U16(i.into_raw())),
+        DynamicImage::ImageRgb16(i) => (3, Samples::U16(i.into_raw())),
+        DynamicImage::ImageRgba16(i) => (4, Samples::U16(i.into_raw())),
+        DynamicImage::ImageRgb32F(i) => (3, Samples::F32(i.into_raw())),
+        DynamicImage::ImageRgba32F(i) => (4, Samples::F32(i.into_raw())),
+        _ => return Err(Fault::decode(format, "its samples are of an unknown kind")),
+    })
+}
+
+/// The samples without their alpha.
+fn opaque(channels: usize, samples: Samples) -> (usize, Samples) {
+    fn shorter<T: Copy>(mut samples: Vec<T>, channels: usize) -> Vec<T> {
+        let mut i = 0;
+        samples.retain(|_| {
+            i += 1;
+            i % channels != 0
+        });
+        samples
+    }
+    if channels % 2 == 1 {
+        return (channels, samples);
+    }
+    let samples = match samples {
+        Samples::U8(s) => Samples::U8(shorter(s, channels)),
+        Samples::U16(s) => Samples::U16(shorter(s, channels)),
+        Samples::F32(s) => Samples::F32(shorter(s, channels)),
+    };
+    (channels - 1, samples)
+}
