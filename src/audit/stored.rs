@@ -93,7 +93,7 @@ impl About {
         let layout = basis.layout();
         let n = layout.lights.len();
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
-            && self.mask.iter().sum::<usize>() == layout.n_pixels()
+            && self.mask.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(layout.n_pixels())
             && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
     }
 
@@ -129,5 +129,29 @@ impl About {
     pub fn objective(&self, target: &Target, basis: &TransportBasis) -> Result<Objective, ObjectiveError> {
         let size = basis.layout().size;
         Objective::new(target, size.x as usize, size.y as usize, &self.mask())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::{Layout, SizeBins, ValueNodes};
+
+    #[test]
+    fn a_mask_whose_lengths_wrap_around_does_not_fit() {
+        let layout = Layout::new((3, 2).into(), vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 1));
+        let basis = TransportBasis::new(layout, 1);
+        let fixed = Lighting { radiance: vec![1.0], size: vec![1.0], value: 1.0, exposure: 1.0 };
+        let about = |mask: &[usize]| About {
+            scene: String::new(),
+            lights: vec!["key".into()],
+            fixed: fixed.clone(),
+            luminance: LuminanceMode::Srgb,
+            mask: mask.into(),
+            variables: Vec::new(),
+        };
+        assert!(about(&[2, 4]).fits(&basis));
+        assert!(!about(&[2, 3]).fits(&basis));
+        assert!(!about(&[usize::MAX, 7]).fits(&basis));
     }
 }

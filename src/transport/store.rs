@@ -52,6 +52,15 @@ const MAX_HEADER: u64 = 64 << 20;
 /// edge of its longest paths, of which there are 32 at most.
 const MAX_NODES: usize = 64;
 
+/// Upper bound of the weight of the next samples, against damaged files: it doubles when samples are aimed
+/// anew, which a search does a few times.
+const MAX_WEIGHT: u32 = 1 << 16;
+/// Upper bound of the samples per pixel of a replicate, counted with their weights, against damaged files:
+/// a thousand times what any option asks for, and more may be added in 32 bits.
+const MAX_SAMPLES: u32 = 1 << 30;
+/// Upper bound of the samples per pixel of all replicates, which are counted in 32 bits.
+const MAX_COUNTED: usize = 1 << 31;
+
 #[derive(Serialize, Deserialize)]
 struct Header {
     /// Description of the scene, for whoever wrote the file.
@@ -176,7 +185,8 @@ fn read(reader: &mut Hashing<impl Read>, length: u64) -> Result<(TransportBasis,
     let header = reader.bytes(header_length as usize)?;
     let header: Header = serde_json::from_slice(&header).map_err(|_| Unread::Damaged)?;
     let begin = MAGIC.len() as u64 + 1 + 8 + header_length;
-    let (layout, n) = checked_layout(&header, length - begin).ok_or(Unread::Damaged)?;
+    let rest = length.checked_sub(begin).ok_or(Unread::Damaged)?;
+    let (layout, n) = checked_layout(&header, rest).ok_or(Unread::Damaged)?;
     let luminance = (0..header.replicates).map(|_| reader.table(n)).collect::<Result<_, _>>()?;
     let colour = reader.table(n * COLOURS)?;
     let hash = reader.hash;
@@ -204,8 +214,10 @@ fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
         && header.largest_value >= 0.0
         && (1..=MAX_NODES).contains(&header.n_nodes)
         && header.replicates >= 1
-        && header.weight >= 1
-        && header.n_samples >= 1;
+        && (1..=MAX_WEIGHT).contains(&header.weight)
+        && (1..=MAX_SAMPLES).contains(&header.n_samples)
+        && header.taken <= header.n_samples
+        && (header.n_samples as usize).checked_mul(header.replicates).is_some_and(|n| n <= MAX_COUNTED);
     if !numbers_fit {
         return None;
     }
@@ -281,4 +293,65 @@ impl<R: Read> Hashing<R> {
 fn fold(hash: u64, bytes: &[u8]) -> u64 {
     let words = bytes.chunks(8).map(|c| c.iter().rev().fold(0, |word, &b| word << 8 | u64::from(b)));
     words.fold(hash_words(&[hash, bytes.len() as u64]), |h, w| hash_words(&[h, w]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// Bytes of a stored basis with other keys in its header, and the hash that fits them.
+    fn forged(directory: &Path, keys: &Value) -> PathBuf {
+        let layout = Layout::new(UVec2::new(2, 1), vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 1));
+        let basis = TransportBasis { n_samples: 1, taken: 1, ..TransportBasis::new(layout, 2) };
+        let path = directory.join("forged.basis");
+        basis.save(&path, &json!({})).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let begin = MAGIC.len() + 1 + 8;
+        let length = u64::from_le_bytes(bytes[begin - 8..begin].try_into().unwrap()) as usize;
+        let mut header: Value = serde_json::from_slice(&bytes[begin..][..length]).unwrap();
+        for (key, value) in keys.as_object().unwrap() {
+            header[key] = value.clone();
+        }
+        let header = serde_json::to_vec(&header).unwrap();
+        let tables = &bytes[begin + length..bytes.len() - 8];
+        let mut out = Vec::new();
+        let mut hashed = Hashed { file: &mut out, hash: 0 };
+        // In the parts in which it is read.
+        let n = tables.len() / 4;
+        for part in [&MAGIC[..], &[VERSION], &(header.len() as u64).to_le_bytes(), &header] {
+            hashed.write(part).unwrap();
+        }
+        for table in [&tables[..n], &tables[n..2 * n], &tables[2 * n..]] {
+            hashed.write(table).unwrap();
+        }
+        let hash = hashed.hash.to_le_bytes();
+        out.extend(hash);
+        std::fs::write(&path, out).unwrap();
+        path
+    }
+
+    #[test]
+    fn counts_that_do_not_fit_are_damage_and_take_no_memory() {
+        let directory = tempfile::tempdir().unwrap();
+        let good = forged(directory.path(), &json!({}));
+        assert_eq!(TransportBasis::load(&good).unwrap().0.n_samples(), 1);
+        let (half, all) = (1_u64 << 32, u64::MAX);
+        for keys in [
+            json!({"n_samples": u32::MAX}),
+            json!({"n_samples": 1 << 30, "replicates": half}),
+            json!({"replicates": all}),
+            json!({"replicates": all - 1}),
+            json!({"size": [u32::MAX, u32::MAX]}),
+            json!({"size": [65536, 65536], "replicates": half}),
+            json!({"weight": u32::MAX}),
+            json!({"taken": 2}),
+            json!({"n_nodes": all}),
+            json!({"sizes": []}),
+        ] {
+            let path = forged(directory.path(), &keys);
+            let error = TransportBasis::load(&path).unwrap_err();
+            assert!(matches!(error, StoreError::Damaged { .. }), "{keys}: {error}");
+        }
+    }
 }
