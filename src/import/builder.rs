@@ -59,7 +59,7 @@ pub fn load(path: &Path) -> Result<Loaded, ImportError> {
         Err(e) if e.kind() == ErrorKind::NotFound => None,
         Err(source) => return Err(ImportError::Sidecar { path: sidecar_path, source }),
     };
-    let source = Source::new(&scene_path, &sidecar_path, sidecar.is_some());
+    let source = Source::new(&scene_path, &sidecar_path);
     let mut loaded = match sidecar {
         Some(text) => {
             let sidecar = Sidecar::parse(&sidecar_path, &text)?;
@@ -79,7 +79,7 @@ pub fn load(path: &Path) -> Result<Loaded, ImportError> {
 /// # Errors
 /// When the scene cannot be read, or the options name an object that it does not have.
 pub fn stage(path: &Path, options: &StageOptions) -> Result<Staging, ImportError> {
-    let source = Source::new(path, path, false);
+    let source = Source::new(path, path);
     let imported = source.import(DEFAULT_CREASE)?;
     source.stage(&imported, options)
 }
