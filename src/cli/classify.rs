@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::output::print;
+use super::output::{one_line, print, print_json};
 use crate::objective::LuminanceMode;
 use crate::objective::histogram::{Cumulated, f_hist};
 use crate::objective::signature::library::{LONGEST_SIDE, Library};
@@ -73,7 +73,7 @@ pub fn classify(args: &ClassifyArgs) -> anyhow::Result<()> {
     }
     if args.json {
         let list: Value = verdicts.iter().map(to_json).collect();
-        print(&format!("{list:#}\n"))
+        print_json(&list)
     } else {
         print(&to_table(&verdicts))
     }
@@ -104,7 +104,7 @@ fn to_table(verdicts: &[Verdict]) -> String {
     let mut text = String::new();
     for verdict in verdicts {
         // Writing to a String does not fail.
-        let _ = write!(text, "{}:", verdict.image.display());
+        let _ = write!(text, "{}:", one_line(&verdict.image.to_string_lossy()));
         for (name, distance) in &verdict.distances {
             let _ = write!(text, "  {name} {distance:.4}");
         }

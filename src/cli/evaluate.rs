@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::{LuminanceArg, parse_exposure, print};
+use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::exr::{ExrImage, read_exr};
 use crate::film::image_file::{
     LinearImage, MaskImage, exr_beauty, exr_mask, is_exr, read_image, read_mask, stored_mask,
@@ -98,7 +98,7 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     let subject = load(args, look)?;
     let evaluation = measure(&subject, &args.image)?;
     if args.json {
-        print(&format!("{:#}\n", to_json(&subject, &evaluation)))
+        print_json(&to_json(&subject, &evaluation))
     } else {
         print(&to_table(&subject, &evaluation, &args.image))
     }
@@ -194,7 +194,7 @@ fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
     let object = subject.mask.object.iter().filter(|&&o| o).count();
     let mut text = format!(
         "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, {} luminance\n\n",
-        path.display(),
+        one_line(&path.to_string_lossy()),
         subject.picture.width,
         subject.picture.height,
         100.0 * object as f64 / subject.mask.object.len() as f64,

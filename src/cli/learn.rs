@@ -8,7 +8,10 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use rayon::prelude::*;
 
-use super::{common::in_pool, print};
+use super::{
+    common::in_pool,
+    output::{print, print_json, say},
+};
 use crate::audit::write_whole;
 use crate::files::atomic::probe;
 use crate::objective::signature::library::{
@@ -125,13 +128,12 @@ pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
     let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
     notes.extend(report::notes(&outcomes));
     for note in &notes {
-        // Standard error may be closed.
-        let _ = std::io::Write::write_fmt(&mut std::io::stderr(), format_args!("note: {note}\n"));
+        say(&format!("note: {note}"));
     }
     let learned: Vec<Learned> = outcomes.iter().map(|o| o.learned.clone()).collect();
     let confusion = confusion(&learned);
     if args.json {
-        print(&format!("{:#}\n", report::to_json(args, &outcomes, &confusion, &notes)))
+        print_json(&report::to_json(args, &outcomes, &confusion, &notes))
     } else {
         print(&report::to_table(args, &outcomes, &confusion))
     }

@@ -17,7 +17,7 @@ use super::{
         LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
         parse_exposure, parse_spp,
     },
-    output::print,
+    output::{print, print_json},
     progress::Console,
     signals,
 };
@@ -244,7 +244,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if args.json {
         let mut all: Vec<serde_json::Value> = each.map(|(r, job)| to_json(r, job)).collect();
         let value = if args.targets.is_some() { all.into() } else { all.remove(0) };
-        print(&format!("{value:#}\n"))
+        print_json(&value)
     } else {
         print(&each.map(|(r, job)| to_table(r, job)).collect::<Vec<_>>().join("\n"))
     }
