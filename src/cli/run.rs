@@ -14,8 +14,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
-        parse_exposure, parse_spp,
+        ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene,
+        luminance_mode, parse_exposure, parse_spp,
     },
     output::{print, print_json},
     progress::Console,
@@ -58,6 +58,10 @@ pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Where the scene's files may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// The look: high-key, low-key, a target file (TOML; copy one from scenes/targets), a photograph
     /// (JPEG, PNG, TIFF, EXR), or LIBRARY.toml#CLASS (see `learn-signature --help`)
@@ -195,7 +199,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let console = Console::new();
     signals::catch("keeping what is found so far")?;
     let done = args.transport.in_pool(|| {
-        let Loaded { scene, constraints, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        let Loaded { scene, constraints, staging, .. } =
+            load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?;
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
