@@ -21,7 +21,7 @@
 //! | module | what it holds |
 //! | --- | --- |
 //! | [`math`] | colour, display encoding, frames, densities, warps, distributions, statistics |
-//! | [`files`] | atomic writing, TOML with helpful errors |
+//! | [`files`] | what a scene may read, atomic writing, TOML with helpful errors |
 //! | [`picture`] | reading the pictures of other programs |
 //! | [`embree`] | ray queries |
 //! | [`bsdf`] | scattering at surfaces |

@@ -1,11 +1,10 @@
 //! Command-line entry point. Exit codes: 0 done, 1 failed, 2 usage, 128 and the number of a signal
 //! that ended the work in order.
 
-use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use lightopt_embree::cli::{Cli, catch_signals, exit_code, interrupted, run};
+use lightopt_embree::cli::{Cli, catch_signals, exit_code, interrupted, run, say_error};
 
 fn main() -> ExitCode {
     // Usage errors and --help end here, with 2 and 0.
@@ -13,8 +12,7 @@ fn main() -> ExitCode {
     match catch_signals().map_err(Into::into).and_then(|()| run(&cli)) {
         Ok(()) => exit_code(),
         Err(error) => {
-            // Not `eprintln!`, which panics when standard error is closed.
-            let _ = writeln!(std::io::stderr(), "error: {error:#}");
+            say_error(&error);
             if interrupted() { exit_code() } else { ExitCode::FAILURE }
         }
     }

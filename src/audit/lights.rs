@@ -90,7 +90,7 @@ impl LightsFile {
     /// # Errors
     /// When the file cannot be read, with file, line and what is allowed.
     pub fn load(path: &Path) -> Result<Self, LightingError> {
-        let text = std::fs::read_to_string(path)
+        let text = crate::files::text::read(path)
             .map_err(|source| LightingError::Read { path: path.into(), source })?;
         let lighting: Self = crate::files::toml_file::parse(path, &text)?;
         if lighting.schema != SCHEMA {

@@ -122,6 +122,26 @@ impl Camera {
         2.0 * self.half.y.atan().to_degrees()
     }
 
+    /// Whether a body, the convex hull of some points, may show in the picture; false only where all of it
+    /// lies behind the lens or beyond one edge of the picture.
+    #[must_use]
+    pub fn may_see(&self, hull: &[Vec3]) -> bool {
+        let (radius, blur) = self.lens.map_or((0.0, 0.0), |l| (l.radius, l.radius / l.focus_distance));
+        // A ray from the lens at o through the edge of the plane in focus is at x = h·z + o·(1 − z/f).
+        let edge = Vec2::new(self.half.x + blur, self.half.y + blur);
+        let is_outside =
+            |beyond: &dyn Fn(Vec3) -> f32| hull.iter().all(|&p| beyond(p - self.position) > radius);
+        let ahead = |d: Vec3| d.dot(self.forward);
+        let sides: [&dyn Fn(Vec3) -> f32; 5] = [
+            &|d| radius - ahead(d),
+            &|d| d.dot(self.right) - edge.x * ahead(d),
+            &|d| -d.dot(self.right) - edge.x * ahead(d),
+            &|d| d.dot(self.up) - edge.y * ahead(d),
+            &|d| -d.dot(self.up) - edge.y * ahead(d),
+        ];
+        !sides.into_iter().any(is_outside)
+    }
+
     /// Vector from the lens's centre to a raster position on the film plane one metre ahead.
     fn film_point(&self, raster: Vec2) -> Vec3 {
         let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
@@ -214,6 +234,31 @@ mod tests {
                 let s = c.sample_wi(org, org + dir * t).unwrap();
                 assert!(s.raster.distance(raster) < 1e-3, "{}", s.raster);
             }
+        }
+    }
+
+    #[test]
+    fn what_may_not_be_seen_is_on_no_ray() {
+        let lens = Lens { radius: 0.3, focus_distance: 2.0 };
+        for c in [camera(), camera().with_lens(Some(lens))] {
+            let (mut n_hidden, mut n_seen) = (0, 0);
+            for i in 0..2000 {
+                let at = |k: u32| ((i * 7 + 1) as f32 * 0.618 * k as f32).fract() * 12.0 - 6.0;
+                let p = Vec3::new(at(1), at(3), at(5));
+                let is_hidden = !c.may_see(&[p]);
+                let on_lens = (0..16).map(|k| (k as f32 * 0.393).sin_cos()).map(|(sin, cos)| {
+                    c.position + (c.right * cos + c.up * sin) * c.lens().map_or(0.0, |l| l.radius)
+                });
+                let is_seen = on_lens.map(|o| c.sample_wi(o, p).is_some()).any(|seen| seen);
+                assert!(!(is_hidden && is_seen), "{p}");
+                n_hidden += usize::from(is_hidden);
+                n_seen += usize::from(is_seen);
+            }
+            assert!(n_hidden > 1000 && n_seen > 20, "{n_hidden} {n_seen}");
+            // A body may fill the picture although none of its corners is in it.
+            let ahead = c.position + 2.0 * c.forward;
+            assert!(c.may_see(&[c.right, -c.right, c.up, -c.up].map(|d| ahead + 9.0 * d)));
+            assert!(!c.may_see(&[c.right, -c.right, c.up, -c.up].map(|d| c.position - c.forward + 9.0 * d)));
         }
     }
 

@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::common::say_notes;
-use super::output::print;
+use super::output::{one_line, print, print_json};
 use crate::objective::LuminanceMode;
 use crate::objective::histogram::{Cumulated, f_hist};
 use crate::objective::signature::library::{LONGEST_SIDE, Library};
@@ -80,7 +80,7 @@ pub fn classify(args: &ClassifyArgs) -> anyhow::Result<()> {
     }
     if args.json {
         let list: Value = verdicts.iter().map(to_json).collect();
-        print(&format!("{list:#}\n"))
+        print_json(&list)
     } else {
         print(&to_table(&verdicts))
     }
@@ -111,7 +111,7 @@ fn to_table(verdicts: &[Verdict]) -> String {
     let mut text = String::new();
     for verdict in verdicts {
         // Writing to a String does not fail.
-        let _ = write!(text, "{}:", verdict.image.display());
+        let _ = write!(text, "{}:", one_line(&verdict.image.to_string_lossy()));
         for (name, distance) in &verdict.distances {
             let _ = write!(text, "  {name} {distance:.4}");
         }

@@ -9,11 +9,14 @@ use clap::{
 };
 use glam::UVec2;
 
-use super::choices::{SAMPLERS, one_of};
+use super::{
+    choices::{SAMPLERS, one_of},
+    output::say,
+};
 use crate::{
     audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
-    import::{self, Loaded},
+    import::{self, LoadOptions, Loaded},
     integrator::{Integrator, IntegratorKind},
     lighting::{Lighting, MAX_EXPOSURE},
     math::display::LuminanceMode,
@@ -210,16 +213,32 @@ pub fn say_notes(path: &Path, notes: &[Note], has_layer: bool) {
 
 /// Writes a note to standard error.
 pub fn say_note(note: &str) {
-    // Standard error may be closed.
-    let _ = writeln!(std::io::stderr(), "note: {note}");
+    say(&format!("note: {note}"));
+}
+
+/// Where the files of a scene may lie.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct ConfinementArgs {
+    /// Refuse files outside the scene's folder and the `textures` beside it, whatever the scene names:
+    /// for scenes of strangers
+    #[arg(long)]
+    pub confine: bool,
+}
+
+impl ConfinementArgs {
+    /// How the scene is loaded.
+    #[must_use]
+    pub fn options(self) -> LoadOptions {
+        LoadOptions { confine: self.confine }
+    }
 }
 
 /// Loads a scene and prints what its loader noticed.
 ///
 /// # Errors
-/// Those of [`import::load`], or when there are no lights.
-pub fn load_scene(path: &Path, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
-    let loaded = import::load(path)?;
+/// Those of [`import::load_with`], or when there are no lights.
+pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
+    let loaded = import::load_with(path, options)?;
     loaded.warnings.iter().for_each(|warning| say(warning));
     if loaded.scene.lights.is_empty() {
         let sidecar = import::find(path)?.with_extension("toml");

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::common::{say_note, say_notes};
-use super::{LuminanceArg, parse_exposure, print};
+use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
 use crate::objective::{Evaluation, Goal, LuminanceMode, Objective, Target};
 use crate::photo::Look;
@@ -104,7 +104,7 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     let subject = load(args, look)?;
     let evaluation = measure(&subject, &args.image)?;
     if args.json {
-        print(&format!("{:#}\n", to_json(&subject, &evaluation)))
+        print_json(&to_json(&subject, &evaluation))
     } else {
         print(&to_table(&subject, &evaluation, &args.image))
     }
@@ -201,7 +201,7 @@ fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
     let object = subject.mask.object.iter().filter(|&&o| o).count();
     let mut text = format!(
         "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, {} luminance\n\n",
-        path.display(),
+        one_line(&path.to_string_lossy()),
         subject.picture.width,
         subject.picture.height,
         100.0 * object as f64 / subject.mask.object.len() as f64,

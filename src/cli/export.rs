@@ -9,7 +9,7 @@ use clap::{
 use glam::UVec2;
 
 use super::{
-    common::{lighting, load_scene, parse_size},
+    common::{ConfinementArgs, lighting, load_scene, parse_size},
     progress::Console,
 };
 use crate::{
@@ -30,6 +30,10 @@ pub struct ExportArgs {
     /// Scene to export: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Where the scene's files may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// Format to write
     #[arg(long, value_parser = formats())]
@@ -58,7 +62,7 @@ pub struct ExportArgs {
 /// When the scene or the lighting is wrong, cannot be represented, or cannot be written.
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let console = Console::new();
-    let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
+    let scene = load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?.scene;
     let lighting = lighting(&scene, args.lights.as_deref(), None)?;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };

@@ -8,8 +8,10 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use rayon::prelude::*;
 
-use super::common::{in_pool, say_note};
-use super::print;
+use super::{
+    common::{in_pool, say_note},
+    output::{print, print_json},
+};
 use crate::audit::write_whole;
 use crate::files::atomic::probe;
 use crate::objective::signature::library::{
@@ -135,7 +137,7 @@ pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
     let learned: Vec<Learned> = outcomes.iter().map(|o| o.learned.clone()).collect();
     let confusion = confusion(&learned);
     if args.json {
-        print(&format!("{:#}\n", report::to_json(args, &outcomes, &confusion, &notes)))
+        print_json(&report::to_json(args, &outcomes, &confusion, &notes))
     } else {
         print(&report::to_table(args, &outcomes, &confusion))
     }

@@ -19,7 +19,8 @@ pub mod stage;
 use clap::{Parser, Subcommand};
 
 use common::{LuminanceArg, parse_exposure};
-use output::print;
+pub use output::say_error;
+use output::{print, print_json};
 pub use signals::{catch as catch_signals, exit_code, received as interrupted};
 
 /// Automatic, aesthetics-driven lighting design with global illumination.
@@ -47,7 +48,7 @@ enum Command {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// Whatever stops it; `{:#}` prints the whole chain on one line.
+/// Whatever stops it; [`say_error`] prints the whole chain on one line.
 pub fn run(cli: &Cli) -> anyhow::Result<()> {
     match &cli.command {
         Command::Run(args) => run::run(args),

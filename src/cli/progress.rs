@@ -2,7 +2,7 @@
 //! standard output holds nothing but results.
 
 use std::{
-    io::{IsTerminal, Write},
+    io::IsTerminal,
     sync::{
         Mutex,
         atomic::{AtomicU64, Ordering},
@@ -12,7 +12,7 @@ use std::{
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::signals;
+use super::{output, signals};
 use crate::{
     design::{Progress, Reporter},
     integrator::Observer,
@@ -78,7 +78,7 @@ impl Console {
 
     fn line(&self, text: &str) {
         let write = || {
-            let _ = writeln!(std::io::stderr(), "{text}");
+            output::say(text);
         };
         match self.bar.lock().as_deref() {
             Ok(Some(bar)) => bar.suspend(write),
@@ -136,7 +136,7 @@ impl Reporter for Console {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_message(name.to_owned());
+        bar.set_message(output::one_line(name).into_owned());
         self.replace_bar(Some(bar));
     }
 

@@ -8,7 +8,7 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    common::{TransportArgs, lighting, load_scene, parse_exposure, parse_size, parse_spp},
+    common::{ConfinementArgs, TransportArgs, lighting, load_scene, parse_exposure, parse_size, parse_spp},
     progress::Console,
     signals,
 };
@@ -45,6 +45,10 @@ pub struct RenderArgs {
     /// Scene to render: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Where the scene's files may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// Lighting to use, as `run` writes it
     #[arg(long, value_name = "FILE")]
@@ -92,7 +96,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     probe(&output)?;
     let console = Console::new();
     let result = args.transport.in_pool(|| {
-        let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
+        let scene = load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?.scene;
         let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
         let view = View { scene: &scene, camera: &camera };

@@ -14,10 +14,10 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene, luminance_mode,
-        parse_exposure, parse_spp, say_note,
+        ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene,
+        luminance_mode, parse_exposure, parse_spp, say_note,
     },
-    output::print,
+    output::{print, print_json},
     progress::Console,
     signals,
 };
@@ -58,6 +58,10 @@ pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Where the scene's files may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// The look: high-key, low-key, a target file (TOML; copy one from scenes/targets), a photograph
     /// (JPEG, PNG, TIFF, EXR), or LIBRARY.toml#CLASS (see `learn-signature --help`)
@@ -195,7 +199,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     let scene_path = import::find(&args.scene)?;
     let console = Console::new();
     let done = args.transport.in_pool(|| {
-        let Loaded { scene, constraints, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        let Loaded { scene, constraints, staging, .. } =
+            load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?;
         signals::end_in_order("keeping what is found so far");
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
@@ -245,7 +250,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     if args.json {
         let mut all: Vec<serde_json::Value> = each.map(|(r, job)| to_json(r, job)).collect();
         let value = if args.targets.is_some() { all.into() } else { all.remove(0) };
-        print(&format!("{value:#}\n"))
+        print_json(&value)
     } else {
         print(&each.map(|(r, job)| to_table(r, job)).collect::<Vec<_>>().join("\n"))
     }

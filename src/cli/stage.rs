@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::progress::Console;
+use super::{common::ConfinementArgs, progress::Console};
 use crate::{
     audit::write_whole,
     design::Reporter,
@@ -37,6 +37,10 @@ pub struct StageArgs {
     /// Scene to stage: Wavefront OBJ or glTF
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+
+    /// Where the scene's files may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// File to write [default: SCENE.toml beside the scene, where it is its sidecar]
     #[arg(short, long, value_name = "FILE")]
@@ -103,7 +107,7 @@ pub fn stage(args: &StageArgs) -> anyhow::Result<()> {
     probe(&output)?;
     let options =
         StageOptions { main_object: args.main_object.clone(), up_axis: args.up_axis.into(), view: args.view };
-    let Staging { text, summary } = builder::stage(&scene, &options)?;
+    let Staging { text, summary } = builder::stage_with(&scene, &options, &args.confinement.options())?;
     write_whole(&output, text)?;
     let console = Console::new();
     console.note(&format!("{}: {summary}", scene.display()));

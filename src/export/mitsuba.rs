@@ -35,7 +35,7 @@
 //! does the same at a `null` surface that emits, for camera and shadow rays,
 //! without counting an edge; `path` would stop there. All lights hidden from
 //! the camera become `hide_emitters`, which hides bodies that emit too: they
-//! keep a black one behind. A mixture is refused.
+//! keep a black one behind. A mixture is refused, but for lights outside the picture.
 
 mod lights;
 mod materials;
@@ -88,7 +88,7 @@ impl Exporter for Mitsuba {
     }
 
     fn write(&self, job: &ExportJob, out: &Path) -> Result<Exported, ExportError> {
-        let hide_emitters = lights::hide_emitters(&job.scene().lights)?;
+        let hide_emitters = lights::hide_emitters(job)?;
         lights::check(&job.scene().lights)?;
         let mut writer = Writer {
             job: *job,

@@ -1,6 +1,27 @@
-//! Decoding of text files that do not state their encoding.
+//! Reading of text files, and decoding of those that do not state their encoding.
 
-use std::borrow::Cow;
+use std::{
+    borrow::Cow,
+    fs::File,
+    io::{self, ErrorKind, Read as _},
+    path::Path,
+};
+
+use super::reach::MAX_TEXT_BYTES;
+
+/// Reads a text file that the user names, which may be a pipe: UTF-8 of at most [`MAX_TEXT_BYTES`].
+///
+/// # Errors
+/// When it cannot be read, is larger, or not UTF-8.
+pub fn read(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(path)?.take(MAX_TEXT_BYTES + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > MAX_TEXT_BYTES {
+        let message = format!("is larger than {MAX_TEXT_BYTES} bytes, the most that is read");
+        return Err(io::Error::new(ErrorKind::FileTooLarge, message));
+    }
+    Ok(text)
+}
 
 /// Decodes text as UTF-16 when it begins with a byte order mark, else as UTF-8, else as
 /// Latin-1, in which every byte is a character.
@@ -24,6 +45,13 @@ pub fn decode(bytes: &[u8]) -> Cow<'_, str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_has_no_end_is_an_error() {
+        let error = read(Path::new("/dev/zero")).unwrap_err();
+        assert!(error.to_string().contains("larger than 67108864 bytes"), "{error}");
+    }
 
     #[test]
     fn encodings_are_told_apart() {

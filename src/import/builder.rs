@@ -9,7 +9,7 @@ mod place;
 mod select;
 mod source;
 
-use std::{fs, io::ErrorKind, path::Path};
+use std::{io::ErrorKind, path::Path};
 
 use self::source::Source;
 use super::{
@@ -21,7 +21,26 @@ use super::{
     sidecar::{DEFAULT_CREASE, SCHEMA, Selection, Sidecar},
     stage::{self, StageOptions, Staging},
 };
-use crate::{lighting::MAX_EXPOSURE, scene::Scene, variables::Constraints};
+use crate::{
+    files::reach::{MAX_TEXT_BYTES, Reach, ReachError},
+    lighting::MAX_EXPOSURE,
+    scene::Scene,
+    variables::Constraints,
+};
+
+/// How a scene is loaded.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// Whether files outside the scene's folder and the `textures` beside it are refused.
+    pub confine: bool,
+}
+
+impl LoadOptions {
+    /// What the scene file at `path` may read.
+    fn reach(&self, path: &Path) -> Result<Reach, ImportError> {
+        if self.confine { Ok(Reach::confined(path)?) } else { Ok(Reach::anywhere()) }
+    }
+}
 
 /// A scene, and what its files say that is not part of it.
 #[derive(Debug)]
@@ -52,14 +71,19 @@ pub struct Loaded {
 /// When no such scene exists, a file cannot be read, or a line or key of one is wrong. The error
 /// names the file, the line or key, and what is allowed.
 pub fn load(path: &Path) -> Result<Loaded, ImportError> {
+    load_with(path, &LoadOptions::default())
+}
+
+/// As [`load`], with options.
+///
+/// # Errors
+/// Those of [`load`], and when a file that the scene names is refused.
+pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded, ImportError> {
     let scene_path = find(path)?;
     let sidecar_path = scene_path.with_extension("toml");
-    let sidecar = match fs::read_to_string(&sidecar_path) {
-        Ok(text) => Some(text),
-        Err(e) if e.kind() == ErrorKind::NotFound => None,
-        Err(source) => return Err(ImportError::Sidecar { path: sidecar_path, source }),
-    };
-    let source = Source::new(&scene_path, &sidecar_path, sidecar.is_some());
+    let reach = options.reach(&scene_path)?;
+    let sidecar = sidecar_text(&sidecar_path, &reach)?;
+    let source = Source::new(&scene_path, &sidecar_path, reach);
     let mut loaded = match sidecar {
         Some(text) => {
             let sidecar = Sidecar::parse(&sidecar_path, &text)?;
@@ -74,12 +98,31 @@ pub fn load(path: &Path) -> Result<Loaded, ImportError> {
     Ok(loaded)
 }
 
+/// The text of the sidecar; `None` without one.
+fn sidecar_text(path: &Path, reach: &Reach) -> Result<Option<String>, ImportError> {
+    let unread = |source| ImportError::Sidecar { path: path.into(), source };
+    match reach.read(path, MAX_TEXT_BYTES) {
+        Ok(bytes) => String::from_utf8(bytes).map(Some).map_err(|_| unread("it is not UTF-8".into())),
+        Err(ReachError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => Ok(None),
+        Err(ReachError::Io { source, .. }) => Err(unread(source.into())),
+        Err(refused) => Err(refused.into()),
+    }
+}
+
 /// Stages the scene file `path` (see [`mod@stage`]), whatever its sidecar says.
 ///
 /// # Errors
 /// When the scene cannot be read, or the options name an object that it does not have.
 pub fn stage(path: &Path, options: &StageOptions) -> Result<Staging, ImportError> {
-    let source = Source::new(path, path, false);
+    stage_with(path, options, &LoadOptions::default())
+}
+
+/// As [`stage()`], with options of loading.
+///
+/// # Errors
+/// Those of [`stage()`], and when a file that the scene names is refused.
+pub fn stage_with(path: &Path, options: &StageOptions, load: &LoadOptions) -> Result<Staging, ImportError> {
+    let source = Source::new(path, path, load.reach(path)?);
     let imported = source.import(DEFAULT_CREASE)?;
     source.stage(&imported, options)
 }
@@ -92,9 +135,9 @@ impl Source<'_> {
             return Err(self.error("crease_angle", message));
         }
         if self.is_obj {
-            obj::load(self.scene_path, crease_angle.to_radians())
+            obj::load_within(self.scene_path, crease_angle.to_radians(), &self.reach)
         } else {
-            gltf::load(self.scene_path)
+            gltf::load_within(self.scene_path, &self.reach)
         }
     }
 

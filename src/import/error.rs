@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::{
-    embree::EmbreeError, files::toml_file::TomlError, picture::PictureError, scene::texture::TextureError,
+    embree::EmbreeError,
+    files::{reach::ReachError, toml_file::TomlError},
+    picture::PictureError,
+    scene::texture::TextureError,
 };
 
 /// A line of a text file that cannot be understood.
@@ -44,7 +47,7 @@ pub enum ImportError {
         /// Path of the sidecar.
         path: PathBuf,
         /// Cause.
-        source: std::io::Error,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The scene file cannot be read.
     #[error("{path}: cannot read the scene", path = path.display())]
@@ -54,6 +57,9 @@ pub enum ImportError {
         /// Cause.
         source: std::io::Error,
     },
+    /// The scene file or its sidecar is refused.
+    #[error(transparent)]
+    Refused(#[from] ReachError),
     /// `tobj` refuses an OBJ that the line checks let pass.
     #[error("{path}: cannot read OBJ or MTL", path = path.display())]
     Obj {
@@ -107,6 +113,16 @@ pub enum ImportError {
     /// A texture cannot be read.
     #[error(transparent)]
     Texture(#[from] TextureError),
+    /// A file that the scene or its sidecar names is refused.
+    #[error("{path}: `{key}`", path = path.display())]
+    Reach {
+        /// Path of the file that names it.
+        path: PathBuf,
+        /// Key, or keyword, that names it.
+        key: String,
+        /// What is wrong with the file that is named.
+        source: ReachError,
+    },
     /// The picture that a key of the sidecar names cannot be read.
     #[error("{path}: `{key}`", path = path.display())]
     Picture {
@@ -128,6 +144,15 @@ pub enum ImportError {
 }
 
 impl ImportError {
+    /// The error of the scene file itself.
+    #[must_use]
+    pub fn reading(error: ReachError) -> Self {
+        match error {
+            ReachError::Io { path, source } => Self::Read { path, source },
+            refused => Self::Refused(refused),
+        }
+    }
+
     /// The error of a line of the file `path`.
     #[must_use]
     pub fn at(path: &Path, LineError { line, message }: LineError) -> Self {

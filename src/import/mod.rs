@@ -5,6 +5,7 @@
 
 pub mod axes;
 pub mod backdrop;
+pub mod budget;
 pub mod builder;
 pub mod error;
 mod find;
@@ -17,6 +18,6 @@ pub mod sidecar;
 pub mod stage;
 pub mod wavefront;
 
-pub use builder::{Loaded, load};
+pub use builder::{LoadOptions, Loaded, load, load_with};
 pub use error::ImportError;
 pub use find::find;

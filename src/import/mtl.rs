@@ -106,11 +106,15 @@ pub struct MtlMaterial {
     pub maps: BTreeMap<MapKind, MapSpec>,
 }
 
+/// Keywords with numbers, in lower case.
+const NUMERIC: [&str; 11] = ["kd", "ks", "ke", "ka", "tf", "ns", "ni", "d", "tr", "pr", "pm"];
+
 /// Parses the text of an MTL in `directory`. Returns the materials in their order, and warnings of
 /// statements that are ignored.
 ///
 /// # Errors
-/// When a line cannot be understood; the first such line.
+/// When a line cannot be understood; the first such line. Since an OBJ may name any file as its MTL, the
+/// error shows nothing of it but keywords that an MTL has.
 pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<String>), LineError> {
     let origin = origin(text);
     let mut out: Vec<MtlMaterial> = Vec::new();
@@ -127,7 +131,11 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             out.push(MtlMaterial { name, origin, directory, ..MtlMaterial::default() });
             continue;
         }
-        let Some(m) = out.last_mut() else { return Err(fail("stands before any `newmtl`".into())) };
+        let Some(m) = out.last_mut() else {
+            let is_known = NUMERIC.contains(&key.as_str()) || map_kind(&key, origin).is_some();
+            let statement = if is_known { format!("`{keyword}`") } else { "a statement".into() };
+            return Err(LineError { line, message: format!("{statement}: stands before any `newmtl`") });
+        };
         let mut warn = |message: String| {
             let message = format!("material `{}`: {message}", m.name);
             if !warnings.contains(&message) {
@@ -150,7 +158,7 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             "illum" => {
                 let v = number(rest).map_err(fail)?;
                 if v > 10.0 {
-                    return Err(fail(format!("must be 0 to 10, got {v}")));
+                    return Err(fail("must be 0 to 10".into()));
                 }
                 // Some exporters write -1 for none.
                 m.illum = (v >= 0.0).then_some(v.round() as u8);
@@ -187,14 +195,14 @@ fn origin(text: &str) -> Origin {
 }
 
 fn number(rest: &str) -> Result<f32, String> {
-    match numbers::<1>(rest)? {
+    match numbers::<1>(rest).map_err(|_| "needs a number")? {
         (_, 0) => Err("needs a number".into()),
         ([v], _) => finite(&[v]).map(|()| v),
     }
 }
 
 fn color(rest: &str) -> Result<[f32; 3], String> {
-    let (c, n) = numbers::<3>(rest)?;
+    let (c, n) = numbers::<3>(rest).map_err(|_| "needs 3 numbers")?;
     finite(&c)?;
     match n {
         1 => Ok([c[0]; 3]),
@@ -204,10 +212,7 @@ fn color(rest: &str) -> Result<[f32; 3], String> {
 }
 
 fn finite(values: &[f32]) -> Result<(), String> {
-    match values.iter().find(|v| !v.is_finite()) {
-        Some(v) => Err(format!("must be finite, got {v}")),
-        None => Ok(()),
-    }
+    if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err("must be finite".into()) }
 }
 
 /// The parameter that a keyword, in lower case, gives an image to.

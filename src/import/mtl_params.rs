@@ -14,6 +14,7 @@ use super::{
     mtl::{MapKind, MapSpec, MtlMaterial, Origin},
 };
 use crate::{
+    files::reach::{MAX_PICTURE_BYTES, Reach, ReachError},
     math::Rgb,
     scene::{
         material::{MaterialParams, Model, Relief},
@@ -51,15 +52,19 @@ pub fn grey() -> MaterialParams {
 pub struct Reader {
     images: BTreeMap<(PathBuf, Encoding), Arc<Texture>>,
     loader: TextureLoader,
+    /// The OBJ, for messages.
+    scene: PathBuf,
+    reach: Reach,
     /// What was left out or replaced, one line each.
     pub warnings: Vec<String>,
 }
 
 impl Reader {
-    /// A reader that appends to `warnings`.
+    /// A reader of images within `reach` for the OBJ `scene` that appends to `warnings`.
     #[must_use]
-    pub fn new(warnings: Vec<String>) -> Self {
-        Self { images: BTreeMap::new(), loader: TextureLoader::default(), warnings }
+    pub fn new(scene: &Path, reach: Reach, warnings: Vec<String>) -> Self {
+        let (images, loader) = (BTreeMap::new(), TextureLoader::default());
+        Self { images, loader, scene: scene.into(), reach, warnings }
     }
 
     /// Names and parameters of all materials. The largest images are halved until all occupy no more
@@ -222,7 +227,12 @@ impl Reader {
         encoding: Encoding,
     ) -> Result<Option<Arc<Texture>>, ImportError> {
         let Some(map) = m.maps.get(&kind) else { return Ok(None) };
-        let Some(path) = find(&m.directory, &map.file) else {
+        let refused = |source| ImportError::Reach {
+            path: self.scene.clone(),
+            key: format!("{}: {}", m.name, map.keyword),
+            source,
+        };
+        let Some(path) = find(&m.directory, &map.file, &self.reach).map_err(refused)? else {
             let message = format!(
                 "`{}`: no file `{}`; the map is left out",
                 map.keyword,
@@ -234,6 +244,7 @@ impl Reader {
             }
             return Ok(None);
         };
+        self.reach.check(&path, MAX_PICTURE_BYTES).map_err(refused)?;
         let key = (path, encoding);
         let image = match self.images.get(&key) {
             Some(image) => image.clone(),
@@ -326,23 +337,30 @@ const IMAGE_FOLDERS: [&str; 2] = ["textures", "../textures"];
 /// Finds an image as exporters name it: relative to the MTL, absolute, in quotes,
 /// or as it was on another machine, of which the last parts are sought beside the
 /// MTL and in [`IMAGE_FOLDERS`], if need be in other letter case.
-fn find(directory: &Path, file: &str) -> Option<PathBuf> {
+///
+/// # Errors
+/// When the file as it is named is out of reach, and none in its place is within.
+fn find(directory: &Path, file: &str, reach: &Reach) -> Result<Option<PathBuf>, ReachError> {
     let file = file.trim_matches('"').replace('\\', "/");
     let parts: Vec<&str> = file.split('/').filter(|p| !p.is_empty()).collect();
-    let name = *parts.last()?;
+    let Some(name) = parts.last().copied() else { return Ok(None) };
     let ends = (0..parts.len()).map(|i| directory.join(parts[i..].join("/")));
     let in_folders = || IMAGE_FOLDERS.iter().map(|f| directory.join(f));
     let given = directory.join(&file);
     let candidates = std::iter::once(given.clone()).chain(ends).chain(in_folders().map(|f| f.join(name)));
-    let found = candidates.into_iter().find(|p| p.is_file());
-    found.or_else(|| {
+    let is_there = |p: &PathBuf| reach.admits(p) && p.is_file();
+    let found = candidates.into_iter().find(is_there).or_else(|| {
         let beside = given.parent().map(Path::to_path_buf).into_iter().chain([directory.to_path_buf()]);
-        beside.chain(in_folders()).find_map(|d| {
+        beside.chain(in_folders()).filter(|d| reach.admits(&d.join(name))).find_map(|d| {
             let entries = fs::read_dir(d).ok()?.flatten().map(|e| e.path());
             let is_same = |p: &PathBuf| {
-                p.file_name().is_some_and(|n| n.to_string_lossy().eq_ignore_ascii_case(name)) && p.is_file()
+                p.file_name().is_some_and(|n| n.to_string_lossy().eq_ignore_ascii_case(name)) && is_there(p)
             };
             entries.filter(is_same).min()
         })
-    })
+    });
+    if found.is_none() && !reach.admits(&given) {
+        return Err(ReachError::Outside { path: given });
+    }
+    Ok(found)
 }

@@ -3,7 +3,7 @@
 //! What every key of an MTL means is listed in `docs/formats.md`; [`mtl`] reads it line by line and
 //! [`mtl_params`] gives it that meaning.
 
-use std::{collections::HashMap, fs, path::Path};
+use std::{collections::HashMap, path::Path};
 
 use glam::{Vec2, Vec3};
 
@@ -15,7 +15,10 @@ use super::{
     wavefront::{self, NormalizedObj},
 };
 use crate::{
-    files::text::decode,
+    files::{
+        reach::{MAX_SCENE_BYTES, MAX_TEXT_BYTES, Reach, ReachError},
+        text::decode,
+    },
     scene::mesh::{Mesh, is_proper, smooth_normals},
 };
 
@@ -31,7 +34,15 @@ const NO_NAME: &str = "(none)";
 /// When a file cannot be read, a line of the OBJ or an MTL is wrong, a texture cannot be decoded, or
 /// no triangle of positive area is left.
 pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
-    let bytes = fs::read(path).map_err(|source| ImportError::Read { path: path.into(), source })?;
+    load_within(path, crease, &Reach::anywhere())
+}
+
+/// As [`load`], reading no file out of `reach`.
+///
+/// # Errors
+/// Those of [`load`], and when the OBJ or an MTL names a file out of reach.
+pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, ImportError> {
+    let bytes = reach.read(path, MAX_SCENE_BYTES).map_err(ImportError::reading)?;
     let plain = wavefront::normalize(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
     let mut warnings = Vec::new();
     for (line, keyword) in &plain.unsupported {
@@ -41,13 +52,13 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
         let file = path.display();
         warnings.push(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
     }
-    let library = material_library(path, &plain, &mut warnings)?;
+    let library = material_library(path, &plain, reach, &mut warnings)?;
     let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
     // `tobj` need only know the names.
     let named = |m: &MtlMaterial| tobj::Material { name: m.name.clone(), ..Default::default() };
     let all = || library.iter().map(named).collect::<Vec<_>>();
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
-    let mut reader = mtl_params::Reader::new(warnings);
+    let mut reader = mtl_params::Reader::new(path, reach.clone(), warnings);
     let (models, materials) = rayon::join(
         || tobj::load_obj_buf(&mut plain.text.as_bytes(), &options, |_| Ok((all(), names()))),
         || reader.read(&library),
@@ -83,6 +94,7 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
 fn material_library(
     path: &Path,
     plain: &NormalizedObj,
+    reach: &Reach,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<MtlMaterial>, ImportError> {
     let dir = path.parent().unwrap_or(Path::new(""));
@@ -92,17 +104,21 @@ fn material_library(
         // One name with spaces, or several names.
         let whole = names.trim_matches('"').replace('\\', "/");
         let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
-        let is_several = words.iter().any(|w| dir.join(w).is_file()) && !dir.join(&whole).is_file();
+        let is_there = |name: &str| reach.admits(&dir.join(name)) && dir.join(name).is_file();
+        let is_several = words.iter().any(|w| is_there(w)) && !is_there(&whole);
         let files = if is_several { words } else { vec![whole] };
         let files = files.iter().filter(|f| !f.is_empty());
         for file in files.map(|f| dir.join(f)) {
-            let bytes = match fs::read(&file) {
+            let bytes = match reach.read(&file, MAX_TEXT_BYTES) {
                 Ok(bytes) => bytes,
-                Err(e) => {
+                Err(ReachError::Io { source, .. }) => {
                     is_missing = true;
                     let (obj, mtl) = (path.display(), file.display());
-                    warnings.push(format!("{obj}:{line}: material library {mtl}: {e}; using grey"));
+                    warnings.push(format!("{obj}:{line}: material library {mtl}: {source}; using grey"));
                     continue;
+                }
+                Err(source) => {
+                    return Err(ImportError::Reach { path: path.into(), key: "mtllib".into(), source });
                 }
             };
             let directory = file.parent().unwrap_or(Path::new(""));

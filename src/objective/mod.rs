@@ -76,7 +76,7 @@ pub enum ObjectiveError {
     /// Every pixel belongs to the object.
     #[error(
         "the mask marks every pixel as main object, so the terms meanBack and varBack cannot be \
-         measured; leave some background in the picture"
+         measured; name less as `[main_object]`, or leave some background in the picture"
     )]
     EmptyBackground,
     /// The jackknife needs at least two replicates.

@@ -20,7 +20,6 @@ mod error;
 mod parse;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use serde::{Serialize, Serializer};
@@ -31,7 +30,7 @@ pub use error::TargetError;
 
 use super::signature::Signature;
 use super::terms::{Goal, Kind, N_TERMS, Term, Values};
-use crate::files::nearest;
+use crate::files::{nearest, text};
 use parse::{line_at, line_of_key};
 
 /// Version of the format of target files, the only one so far.
@@ -122,8 +121,7 @@ impl Target {
             let nearest = nearest(spec, BUILTIN.iter().map(|(name, _)| *name));
             return Err(TargetError::Unknown { name: spec.to_owned(), nearest });
         }
-        let text =
-            fs::read_to_string(path).map_err(|source| TargetError::Read { path: path.to_owned(), source })?;
+        let text = text::read(path).map_err(|source| TargetError::Read { path: path.to_owned(), source })?;
         Self::from_toml(&text, path)
     }
 

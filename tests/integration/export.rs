@@ -250,14 +250,46 @@ fn an_emissive_material_shines_and_a_lens_is_kept() {
 
 #[test]
 fn what_cannot_be_represented_is_refused_before_anything_is_written() {
-    let other = DISK.replace("\"key\"", "\"hidden\"") + "camera_visible = false\n";
-    let directory = scene_dir(&format!("{DISK}{other}"));
+    let seen = DISK.replace("[0.0, 2.0, 2.0]", "[0.0, 0.5, 0.5]");
+    let other = seen.replace("\"key\"", "\"hidden\"") + "camera_visible = false\n";
+    let directory = scene_dir(&format!("{seen}{other}"));
     export(directory.path()).assert().code(1).stderr(contains("hidden").and(contains("camera_visible")));
     assert!(!directory.path().join("out").exists());
     let directory = scene_dir(&other);
     export(directory.path()).assert().success();
     let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
     assert!(xml.contains("name=\"hide_emitters\" value=\"true\""), "{xml}");
+}
+
+#[test]
+fn a_hidden_light_outside_the_picture_may_stand_beside_visible_ones() {
+    // To the left of the picture, and behind the camera.
+    for place in ["[-9.0, 0.0, 0.0]", "[0.0, 0.0, 90.0]"] {
+        let seen = DISK.replace("[0.0, 2.0, 2.0]", "[0.0, 0.5, 0.5]");
+        let away = DISK.replace("[0.0, 2.0, 2.0]", place).replace("\"key\"", "\"hidden\"");
+        let (_directory, xml, _) = exported(&format!("{seen}{away}camera_visible = false\n"));
+        assert!(!xml.contains("name=\"hide_emitters\" value=\"true\""), "{xml}");
+        assert_eq!(xml.matches("<emitter type=\"area\">").count(), 2, "{xml}");
+    }
+}
+
+#[test]
+fn a_staged_scene_with_a_surface_that_shines_is_exported() {
+    let directory = tempfile::tempdir().unwrap();
+    let quad = |x: f32, y: f32, z: f32, r: f32| {
+        let at = |i: f32, j: f32| format!("v {} {} {}\n", x + i * r, y + j * 0.3 * r, z - j * r);
+        [at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)].concat()
+    };
+    let body = [quad(0.0, 0.3, 0.0, 0.3), quad(0.6, 0.8, 0.0, 0.1)].concat();
+    let floor = "v -2 0 2\nv 2 0 2\nv 2 0 -2\nv -2 0 -2\n";
+    let faces = "o jar\nusemtl paper\nf 1 2 3 4\no lamp\nusemtl glow\nf 5 6 7 8\no floor\nusemtl paper\nf 9 10 11 12\n";
+    fs::write(directory.path().join("s.obj"), format!("mtllib s.mtl\n{body}{floor}{faces}")).unwrap();
+    fs::write(directory.path().join("s.mtl"), "newmtl paper\nKd 0.5 0.5 0.5\nnewmtl glow\nKe 1 2 3\n")
+        .unwrap();
+    export(directory.path()).assert().success();
+    let xml = fs::read_to_string(directory.path().join("out/scene.xml")).unwrap();
+    // Key, fill, rim, and the surface.
+    assert_eq!(xml.matches("<emitter type=\"area\">").count(), 4, "{xml}");
 }
 
 /// Exports the scene of a directory as its author lit it.
@@ -284,7 +316,8 @@ fn an_exporter_names_the_files_it_has_written_the_one_to_open_last() {
 
 #[test]
 fn an_error_names_the_format_and_what_has_no_counterpart_there() {
-    let directory = scene_dir(&(DISK.to_owned() + "camera_visible = false\n" + &DISK.replace("key", "rim")));
+    let seen = DISK.replace("[0.0, 2.0, 2.0]", "[0.0, 0.5, 0.5]");
+    let directory = scene_dir(&format!("{seen}camera_visible = false\n{}", seen.replace("key", "rim")));
     let error = write(directory.path()).unwrap_err();
     assert!(matches!(error, ExportError::NoCounterpart { .. }), "{error:?}");
     assert!(error.to_string().starts_with("light `key`: Mitsuba has no counterpart to "), "{error}");

@@ -326,7 +326,7 @@ fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
     let fitted = Fitted::new(view, &Lighting::authored(scene), &loaded.constraints).unwrap();
     assert_eq!(fitted.sizes, [None], "a point has no size that could be free");
     let assert = room.command(&["render", "s", "--spp", "1", "--size", "8x4", "-o", "a.png"]).assert();
-    assert.code(0).stderr(contains("s.toml does not exist: everything is the main object\n").count(1));
+    assert.code(0).stderr(contains("s.glb: main object: everything, found from its geometry").count(1));
 
     room.write("s.toml", SIDECAR);
     let scene = import::load(&room.path("s.glb")).unwrap().scene;

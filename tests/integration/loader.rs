@@ -375,9 +375,9 @@ fn lines_that_make_no_sense_are_named() {
         ("newmtl a\nKd 1 2\n", "mtl:2: `Kd`: needs 3 numbers, got 2"),
         ("newmtl a\nKd\n", "mtl:2: `Kd`: needs 3 numbers, got 0"),
         ("newmtl a\nKd nan 0 0\n", "mtl:2: `Kd`: must be finite"),
-        ("newmtl a\nKd spectral a.rfl\n", "mtl:2: `Kd`: `spectral` is not a number"),
-        ("newmtl a\nNs x\n", "mtl:2: `Ns`: `x` is not a number"),
-        ("newmtl a\nillum 99\n", "mtl:2: `illum`: must be 0 to 10, got 99"),
+        ("newmtl a\nKd spectral a.rfl\n", "mtl:2: `Kd`: needs 3 numbers"),
+        ("newmtl a\nNs x\n", "mtl:2: `Ns`: needs a number"),
+        ("newmtl a\nillum 99\n", "mtl:2: `illum`: must be 0 to 10"),
         ("newmtl a\nmap_Kd\n", "mtl:2: `map_Kd`: needs a file"),
         ("Kd 1 1 1\n", "mtl:1: `Kd`: stands before any `newmtl`"),
     ] {

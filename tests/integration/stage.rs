@@ -192,3 +192,55 @@ fn keys_of_place_are_checked() {
         assert!(error.contains(wanted), "wanted `{wanted}` in: {error}");
     }
 }
+
+/// A jar on a floor before a wall, with a camera and a point light: glTF of Blender 5.0.1.
+const LIT_ROOM: &[u8] = include_bytes!("../data/camera_light_room.glb");
+
+#[test]
+fn of_a_file_with_camera_and_lights_the_main_object_is_found_as_stage_finds_it() {
+    let room = Room::new();
+    room.write("jar.glb", LIT_ROOM);
+    let said = stderr(&room, &["stage", "-o", "jar.txt", "jar.glb"]);
+    assert!(said.contains("main object: Jar; camera and lights are the file's own\n"), "{said}");
+    let said = stderr(&room, &[&["run", "jar.glb", "--out", "r", "--tolerance", "1"], &QUICK[..]].concat());
+    let line =
+        "jar.glb: main object: Jar, found from its geometry; `[main_object]` in jar.toml chooses another";
+    assert_eq!(said.lines().filter(|l| *l == line).count(), 1, "{said}");
+    let scene = import::load(&room.path("jar.glb")).unwrap().scene;
+    assert_eq!((scene.is_main.len(), scene.is_main.iter().filter(|m| **m).count()), (16, 12));
+    // What `stage` writes says the same.
+    room.write("jar.toml", std::fs::read(room.path("jar.txt")).unwrap());
+    assert_eq!(import::load(&room.path("jar.glb")).unwrap().scene.is_main, scene.is_main);
+}
+
+#[test]
+fn what_the_camera_of_the_file_cannot_see_is_not_the_main_object() {
+    // The camera looks from behind the wall.
+    let json = String::from_utf8_lossy(LIT_ROOM).into_owned();
+    let at = json.find("\"translation\":[0,1.2").unwrap();
+    let old = &json[at..at + json[at..].find(']').unwrap() + 1];
+    let new = format!("{:<1$}", "\"translation\":[0,1,-9]", old.len());
+    let mut bytes = LIT_ROOM.to_vec();
+    bytes[at..at + new.len()].copy_from_slice(new.as_bytes());
+    let room = Room::new();
+    room.write("jar.glb", bytes);
+    assert!(import::load(&room.path("jar.glb")).unwrap().scene.is_main.iter().all(|m| *m));
+}
+
+#[test]
+fn a_scene_lit_by_what_shines_gets_lights_from_neither_render_nor_stage() {
+    let json = r#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0,1]}],"nodes":[{"mesh":0},
+        {"camera":0,"translation":[0,0,3]}],"cameras":[{"type":"perspective","perspective":{"yfov":0.8,"znear":0.1}}],
+        "materials":[{"emissiveFactor":[1,1,1]}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],
+        "buffers":[{"byteLength":36,"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#;
+    let room = Room::new();
+    room.write("sign.gltf", json);
+    assert_eq!(import::load(&room.path("sign.gltf")).unwrap().scene.lights.len(), 1);
+    let staged = builder::stage(&room.path("sign.gltf"), &StageOptions::default()).unwrap();
+    assert!(!staged.text.contains("[[lights]]"), "{}", staged.text);
+    room.write("sign.toml", staged.text);
+    assert_eq!(import::load(&room.path("sign.gltf")).unwrap().scene.lights.len(), 1);
+}

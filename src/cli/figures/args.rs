@@ -8,7 +8,7 @@ use glam::UVec2;
 use crate::{
     cli::{
         choices::{PARTS, one_of},
-        common::{PictureArgs, TransportArgs, parse_spp},
+        common::{ConfinementArgs, PictureArgs, TransportArgs, parse_spp},
     },
     figures::Part,
 };
@@ -53,6 +53,10 @@ pub struct FiguresArgs {
     /// Directory of the scenes: fruit_basket.obj, fetched/girl.obj, fetched/creature.obj
     #[arg(long, value_name = "DIR", default_value = "scenes")]
     pub scenes: PathBuf,
+
+    /// Where the files of the scenes may lie.
+    #[command(flatten)]
+    pub confinement: ConfinementArgs,
 
     /// Sizes of the pictures.
     #[command(flatten)]

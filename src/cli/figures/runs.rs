@@ -8,7 +8,7 @@ use image::{Rgb, RgbImage};
 use super::args::{Settings, WIDEST};
 use crate::{
     cli::{
-        common::{TransportArgs, load_scene},
+        common::{ConfinementArgs, TransportArgs, load_scene},
         progress::Console,
         run::reach,
     },
@@ -35,6 +35,8 @@ const MEMORY: u64 = 2 << 30;
 pub(super) struct Runner<'a> {
     /// Directory of the scenes.
     pub scenes: &'a Path,
+    /// Where the files of the scenes may lie.
+    pub confinement: ConfinementArgs,
     /// Directory of the figures, with the runs below it.
     pub out: &'a Path,
     /// Sizes, samples and limits.
@@ -107,7 +109,7 @@ impl Runner<'_> {
 
     fn run(&self, scene: &str, options: &RunOptions) -> anyhow::Result<Vec<RunReport>> {
         let path = self.scenes.join(scene);
-        let loaded = load_scene(&path, |w| self.console.note(w))?;
+        let loaded = load_scene(&path, &self.confinement.options(), |w| self.console.note(w))?;
         let Loaded { scene, constraints, .. } = &loaded;
         let authored = Lighting::authored(scene);
         let subject = Subject { scene, path: &path, authored: &authored, constraints };

@@ -86,8 +86,15 @@ impl<'a> Workshop<'a> {
             files: Default::default(),
             timings: Vec::new(),
         };
-        let runner =
-            Runner { scenes: &args.scenes, out, settings, transport, console, force: args.pictures.force };
+        let runner = Runner {
+            scenes: &args.scenes,
+            confinement: args.confinement,
+            out,
+            settings,
+            transport,
+            console,
+            force: args.pictures.force,
+        };
         let workshop = Self { runner, manifest, blocks: Vec::new(), seconds: Vec::new() };
         workshop.save()?;
         Ok(workshop)
@@ -169,7 +176,7 @@ impl<'a> Workshop<'a> {
         let Runner { scenes, out, settings, transport, console, .. } = self.runner;
         console.note("== One light at several sizes and fluxes");
         let path = scenes.join(BASKET);
-        let loaded = load_scene(&path, |w| console.note(w))?;
+        let loaded = load_scene(&path, &self.runner.confinement.options(), |w| console.note(w))?;
         let how = flux::Settings {
             size: settings.thumbnail(),
             // Samples are spread over all sizes.

@@ -11,7 +11,8 @@ use super::{
     },
 };
 use crate::{
-    export::LitLight,
+    camera::Camera,
+    export::{ExportJob, LitLight},
     film::exr::ExrPart,
     light::{Cone, Environment, Light, Outline, Planar, RadianceMap, Shape, Sphere},
     math::{Frame, Rgb},
@@ -38,15 +39,44 @@ fn spot(l: &Light) -> Option<Cone> {
     }
 }
 
-/// Whether all lights that a ray can hit are hidden from the camera.
-pub(super) fn hide_emitters(lights: &[Light]) -> Result<bool, ExportError> {
-    let mut seen = lights.iter().filter(|l| !is_unseen(l));
-    let Some(hidden) = seen.clone().find(|l| !l.camera_visible) else { return Ok(false) };
-    if seen.any(|l| l.camera_visible) {
+/// Whether the lights that rays of the camera can hit are hidden from it.
+///
+/// # Errors
+/// When one of them is hidden and another is not. What lies outside the picture is neither.
+pub(super) fn hide_emitters(job: &ExportJob) -> Result<bool, ExportError> {
+    let mut lights = job.lights().filter(|l| !is_unseen(l.light));
+    if lights.clone().all(|l| !l.light.camera_visible) {
+        return Ok(lights.next().is_some());
+    }
+    let mut seen = lights.filter(|l| may_show(l, job.camera()));
+    let Some(hidden) = seen.clone().find(|l| !l.light.camera_visible) else { return Ok(false) };
+    if seen.any(|l| l.light.camera_visible) {
         let what = "a light hidden from the camera beside visible ones; give all the same `camera_visible`";
-        return Err(no_counterpart(format!("light `{}`", hidden.name), what));
+        return Err(no_counterpart(format!("light `{}`", hidden.light.name), what));
     }
     Ok(true)
+}
+
+/// Whether the light may show in the picture: true unless its shape surely lies outside.
+fn may_show(l: &LitLight, camera: &Camera) -> bool {
+    let cube = |center: Vec3, x: Vec3, y: Vec3, z: Vec3| {
+        let sign = |i: u32, bit: u32| if i >> bit & 1 == 0 { -1.0 } else { 1.0 };
+        (0..8).map(|i| center + x * sign(i, 0) + y * sign(i, 1) + z * sign(i, 2)).collect::<Vec<_>>()
+    };
+    match &l.light.shape {
+        Shape::Planar(p) => {
+            let (a, b) = match p.outline {
+                Outline::Rectangle { a, b } => (a, b),
+                Outline::Disk { r } => (r, r),
+            };
+            camera.may_see(&cube(p.center, p.frame.s * (a * l.size), p.frame.t * (b * l.size), Vec3::ZERO))
+        }
+        Shape::Sphere(s) => {
+            let r = s.radius * l.size;
+            camera.may_see(&cube(s.center, Vec3::X * r, Vec3::Y * r, Vec3::Z * r))
+        }
+        Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => true,
+    }
 }
 
 /// Whether all lights have counterparts.

@@ -10,6 +10,7 @@ use glam::Vec3;
 
 use super::{emitters::Emitters, source::Source};
 use crate::{
+    files::reach::MAX_PICTURE_BYTES,
     film::image_file::LinearImage,
     import::{
         error::ImportError,
@@ -240,6 +241,11 @@ impl LightReader<'_> {
     fn radiance_map(&self, name: &str, warnings: &mut Vec<String>) -> Result<RadianceMap, ImportError> {
         let sidecar = self.source.sidecar_path;
         let path = sidecar.parent().unwrap_or(Path::new("")).join(name);
+        if let Err(source) = self.source.reach.check(&path, MAX_PICTURE_BYTES)
+            && !source.is_missing()
+        {
+            return Err(ImportError::Reach { path: sidecar.into(), key: self.key("image"), source });
+        }
         let reading = Reading { kept: LinearImage::PIXEL, ..Reading::of(Purpose::Light) };
         let picture = Picture::read(&path, &reading).map_err(|source| ImportError::Picture {
             path: sidecar.into(),

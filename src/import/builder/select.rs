@@ -8,6 +8,7 @@ use crate::{
         error::ImportError,
         imported::{Imported, Part},
         sidecar::{Selection, Sidecar},
+        stage,
     },
     scene::{Material, Mesh},
 };
@@ -37,10 +38,12 @@ impl Source<'_> {
         if let Some(selection) = &sidecar.main_object {
             return self.select_main("main_object.objects", selection, imported);
         }
-        let reason = if self.has_sidecar { "has no [main_object]" } else { "does not exist" };
-        let file = self.sidecar_path.display();
-        imported.warnings.push(format!("{file} {reason}: everything is the main object"));
-        Ok(vec![true; imported.mesh.indices.len()])
+        let (is_main, name) = stage::main_object(imported).map_err(|source| self.embree(source))?;
+        let (scene, sidecar) = (self.scene_path.display(), self.sidecar_path.display());
+        imported.warnings.push(format!(
+            "{scene}: main object: {name}, found from its geometry; `[main_object]` in {sidecar} chooses another"
+        ));
+        Ok(is_main)
     }
 
     /// Whether each triangle is selected, at least one being so; `key` is where the objects were given.

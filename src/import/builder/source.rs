@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::{
     embree::{EmbreeError, MAX_COORDINATE},
-    files::nearest,
+    files::{nearest, reach::Reach},
     import::{error::ImportError, find::ending},
     math::Rgb,
 };
@@ -20,14 +20,14 @@ pub struct Source<'a> {
     pub sidecar_path: &'a Path,
     /// Whether the scene file is an OBJ; otherwise it is a glTF.
     pub is_obj: bool,
-    /// Whether the sidecar exists.
-    pub has_sidecar: bool,
+    /// What both files may read.
+    pub reach: Reach,
 }
 
 impl<'a> Source<'a> {
     /// The source of a scene file and a sidecar; the format follows from the file's ending.
-    pub fn new(scene_path: &'a Path, sidecar_path: &'a Path, has_sidecar: bool) -> Self {
-        Self { scene_path, sidecar_path, is_obj: ending(scene_path) == Some("obj"), has_sidecar }
+    pub fn new(scene_path: &'a Path, sidecar_path: &'a Path, reach: Reach) -> Self {
+        Self { scene_path, sidecar_path, is_obj: ending(scene_path) == Some("obj"), reach }
     }
 
     /// The error of a key of the sidecar.

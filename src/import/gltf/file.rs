@@ -3,9 +3,9 @@
 //! Every index and every range of bytes is checked where it is used; what does not fit is an error.
 
 use std::{
-    collections::BTreeMap,
-    fs,
+    collections::{BTreeMap, HashMap},
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use data_url::{DataUrl, DataUrlError};
@@ -17,13 +17,16 @@ use gltf_json::{
     validation::Checked,
 };
 
+use serde::de::IgnoredAny;
 use serde_json::value::RawValue;
 
-use crate::import::error::ImportError;
-
-/// Elements of an accessor without data, whose values are zero, at most: a file of a few bytes then
-/// takes 2 GiB at worst, for matrices, and more vertices than this are not meant as zeros.
-const MAX_ZEROS: usize = 1 << 24;
+use crate::{
+    files::reach::{MAX_SCENE_BYTES, Reach, ReachError},
+    import::{
+        budget::{Budget, MAX_OBJECTS},
+        error::ImportError,
+    },
+};
 
 /// Extensions that a file may require because they are read, or change only
 /// what is not rendered. Those of materials are known by their beginning.
@@ -56,8 +59,12 @@ pub struct File {
     pub path: PathBuf,
     /// Parsed JSON, without the animations.
     pub root: Root,
+    /// What the file may read.
+    pub reach: Reach,
+    /// What the file has asked for so far.
+    pub budget: Budget,
     /// Bytes of each buffer; `None` where the file holds no data for one.
-    buffers: Vec<Option<Vec<u8>>>,
+    buffers: Vec<Option<Arc<[u8]>>>,
 }
 
 /// The members that decide whether the rest can be understood.
@@ -80,9 +87,9 @@ impl File {
     /// # Errors
     /// When it is not glTF 2.0, requires an extension that is not read, or a
     /// buffer cannot be read.
-    pub fn read(path: &Path) -> Result<Self, ImportError> {
+    pub fn read(path: &Path, reach: &Reach) -> Result<Self, ImportError> {
         let broken = |message: String| ImportError::Gltf { path: path.into(), message };
-        let bytes = fs::read(path).map_err(|source| ImportError::Read { path: path.into(), source })?;
+        let bytes = reach.read(path, MAX_SCENE_BYTES).map_err(ImportError::reading)?;
         let (json, bin) =
             if bytes.starts_with(b"glTF") { split_glb(&bytes).map_err(broken)? } else { (&bytes[..], None) };
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
@@ -97,27 +104,62 @@ impl File {
             }
             return Err(broken(format!("requires the extension {name}, {}", not_read(name))));
         }
-        let root = parse(json).map_err(|e| broken(format!("cannot be understood as glTF: {e}")))?;
-        let mut file = Self { path: path.into(), root, buffers: Vec::new() };
-        for (i, buffer) in file.root.buffers.iter().enumerate() {
+        let root = parse(json).map_err(broken)?;
+        let budget = Budget::default();
+        budget.extend(bytes.len());
+        let mut file = Self { path: path.into(), root, reach: reach.clone(), budget, buffers: Vec::new() };
+        file.read_buffers(bin)?;
+        Ok(file)
+    }
+
+    /// Reads the buffers; `bin` is the binary chunk of a GLB.
+    fn read_buffers(&mut self, bin: Option<&[u8]>) -> Result<(), ImportError> {
+        // Buffers of one name share their bytes.
+        let mut read: HashMap<&str, Arc<[u8]>> = HashMap::new();
+        let mut buffers = Vec::new();
+        for (i, buffer) in self.root.buffers.iter().enumerate() {
             let key = format!("buffers[{i}]");
             let data = match &buffer.uri {
-                Some(uri) => Some(file.read_uri(&key, uri)?),
-                None if i == 0 => bin.map(<[u8]>::to_vec),
+                Some(uri) => Some(match read.get(uri.as_str()) {
+                    Some(data) => data.clone(),
+                    None => {
+                        let data: Arc<[u8]> = self.read_uri(&key, uri)?.into();
+                        self.budget.extend(data.len());
+                        read.insert(uri, data.clone());
+                        data
+                    }
+                }),
+                None if i == 0 => bin.map(Arc::from),
                 None => None,
             };
             let needed = buffer.byte_length.0;
             if let Some(n) = data.as_ref().map(|d| d.len() as u64).filter(|&n| n < needed) {
-                return Err(file.error(key, format!("must hold {needed} bytes, its data has {n}")));
+                return Err(self.error(key, format!("must hold {needed} bytes, its data has {n}")));
             }
-            file.buffers.push(data);
+            buffers.push(data);
         }
-        Ok(file)
+        self.buffers = buffers;
+        Ok(())
+    }
+
+    /// The error of a key that asks for more than the budget.
+    fn over(&self, key: &str) -> impl Fn(String) -> ImportError {
+        move |message| self.error(key, message)
     }
 
     /// The error of a key of the file.
     pub fn error(&self, key: impl Into<String>, message: impl Into<String>) -> ImportError {
         ImportError::Key { path: self.path.clone(), key: key.into(), message: message.into() }
+    }
+
+    /// The error of a file that a key of this one names.
+    pub fn unread(&self, key: &str, error: ReachError) -> ImportError {
+        match error {
+            ReachError::Io { path, source } => {
+                self.error(key, format!("cannot read {}: {source}", path.display()))
+            }
+            source => ImportError::Reach { path: self.path.clone(), key: key.into(), source },
+        }
     }
 
     /// The object that an index at `key` points to.
@@ -145,7 +187,8 @@ impl File {
         let dir = self.path.parent().unwrap_or(Path::new(""));
         let decoded = dir.join(String::from_utf8_lossy(&percent_decoded(uri)).as_ref());
         let literal = dir.join(uri);
-        Ok(if !decoded.is_file() && literal.is_file() { literal } else { decoded })
+        let is_there = |path: &Path| self.reach.admits(path) && path.is_file();
+        Ok(if !is_there(&decoded) && is_there(&literal) { literal } else { decoded })
     }
 
     /// The bytes of a data URI, or of the file that a relative URI names.
@@ -157,7 +200,7 @@ impl File {
             return data;
         }
         let path = self.path_of(key, uri)?;
-        fs::read(&path).map_err(|e| self.error(key, format!("cannot read {}: {e}", path.display())))
+        self.reach.read(&path, MAX_SCENE_BYTES).map_err(|e| self.unread(key, e))
     }
 
     /// The bytes of a data URI; `None` when it is not one.
@@ -219,6 +262,14 @@ impl File {
         let component = component.0;
         let size = component.size() * N;
         let count = usize::try_from(accessor.count.0).unwrap_or(usize::MAX);
+        let is_backed = accessor.buffer_view.is_some();
+        if !is_backed && count as u64 > self.budget.zeros() {
+            let most = self.budget.zeros();
+            return Err(
+                self.error(key, format!("has no data for {count} elements; at most {most} may have none"))
+            );
+        }
+        self.budget.decode(count).map_err(self.over(&key))?;
         let decode = |bytes: &[u8]| {
             let mut out = [0.0; N];
             for (value, b) in out.iter_mut().zip(bytes.chunks_exact(component.size())) {
@@ -226,16 +277,15 @@ impl File {
             }
             out
         };
-        let mut out = if let Some(view) = accessor.buffer_view {
+        let mut out: Vec<[f64; N]> = if let Some(view) = accessor.buffer_view {
             let offset = accessor.byte_offset.unwrap_or_default().0;
             self.strided(&key, view, offset, size, count)?.map(decode).collect()
-        } else if count <= MAX_ZEROS {
-            vec![[0.0; N]; count]
         } else {
-            return Err(self.error(key, format!("has no data for {count} elements")));
+            vec![[0.0; N]; count]
         };
         if let Some(sparse) = &accessor.sparse {
             let n = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
+            self.budget.decode(n).map_err(self.over(&key))?;
             let Checked::Valid(IndexComponentType(kind)) = sparse.indices.component_type else {
                 return Err(self.error(key, "has an unknown `sparse.indices.componentType`"));
             };
@@ -290,10 +340,20 @@ pub fn not_read(extension: &str) -> String {
 }
 
 /// Parses the JSON without the animations: `gltf-json` refuses targets that extensions add to these.
-fn parse(json: &[u8]) -> serde_json::Result<Root> {
-    let mut members: BTreeMap<String, &RawValue> = serde_json::from_slice(json)?;
+///
+/// # Errors
+/// In words, when it is no glTF or has too many objects.
+fn parse(json: &[u8]) -> Result<Root, String> {
+    let wrong = |e| format!("cannot be understood as glTF: {e}");
+    let mut members: BTreeMap<String, &RawValue> = serde_json::from_slice(json).map_err(wrong)?;
     members.remove("animations");
-    serde_json::from_str(&serde_json::to_string(&members)?)
+    // Ignored values take no memory.
+    let list = |v: &&RawValue| serde_json::from_str::<Vec<IgnoredAny>>(v.get()).map_or(0, |l| l.len());
+    if members.values().map(list).sum::<usize>() > MAX_OBJECTS {
+        return Err(format!("has more than {MAX_OBJECTS} objects in its lists"));
+    }
+    let rest = serde_json::to_string(&members).map_err(wrong)?;
+    serde_json::from_str(&rest).map_err(wrong)
 }
 
 /// `length` bytes of `data` from `offset` on; `None` where it has fewer.

@@ -256,13 +256,12 @@ impl<'a> Geometry<'a> {
             let message = "the scene has more vertices than this program can number, 2³²";
             return Err(self.file.error(key, message));
         }
+        self.file.budget.place(primitive.triangles.len()).map_err(|e| self.file.error(key, e))?;
         let worlds = primitive.worlds(self.file, key, pose)?;
         let world = |i: usize| &worlds[i.min(worlds.len() - 1)];
         let positions: Vec<Vec3> =
             primitive.positions.iter().enumerate().map(|(i, p)| world(i).transform_point3(*p)).collect();
         let flips = worlds.first().is_some_and(|w| Mat3::from_mat4(*w).determinant() < 0.0);
-        let mesh = &mut self.mesh;
-        let base = mesh.positions.len();
         // Absent normals are zero until their faces are known.
         let mut normals = vec![Vec3::ZERO; n];
         if let Some(given) = &primitive.normals {
@@ -270,21 +269,31 @@ impl<'a> Geometry<'a> {
                 let moved = normal_matrix(world(i)) * *normal;
                 *to = moved.try_normalize().unwrap_or(Vec3::ZERO);
             }
-            mesh.positions.extend(&positions);
-            mesh.normals.extend(&normals);
-            mesh.uvs.extend(&primitive.uvs);
         }
+        let mut triangles: Vec<[usize; 3]> = Vec::with_capacity(primitive.triangles.len());
         for &[a, b, c] in &primitive.triangles {
             let corners = if flips { [a, c, b] } else { [a, b, c] }.map(|i| i as usize);
-            let points = corners.map(|i| positions[i]);
-            if !is_proper(points) {
+            if is_proper(corners.map(|i| positions[i])) {
+                triangles.push(corners);
+            } else {
                 self.n_degenerate += usize::from(!primitive.is_strip);
-                continue;
             }
-            let face = face_normal(points).normalize_or(Vec3::Y);
+        }
+        let mesh = &mut self.mesh;
+        // Primitives may share vertices of which each uses some: only those are kept.
+        let mut ids = vec![None; n];
+        triangles.iter().flatten().filter(|&&i| normals[i] != Vec3::ZERO).for_each(|&i| ids[i] = Some(0));
+        for (i, id) in ids.iter_mut().enumerate().filter(|(_, id)| id.is_some()) {
+            *id = Some(mesh.positions.len() as u32);
+            mesh.positions.push(positions[i]);
+            mesh.normals.push(normals[i]);
+            mesh.uvs.push(primitive.uvs[i]);
+        }
+        for corners in triangles {
+            let face = face_normal(corners.map(|i| positions[i])).normalize_or(Vec3::Y);
             let triangle = corners.map(|i| {
-                if normals[i] != Vec3::ZERO {
-                    return (base + i) as u32;
+                if let Some(id) = ids[i] {
+                    return id;
                 }
                 mesh.positions.push(positions[i]);
                 mesh.normals.push(face);

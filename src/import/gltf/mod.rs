@@ -31,7 +31,10 @@ use super::{
     error::ImportError,
     imported::{Imported, ImportedLight, Part},
 };
-use crate::scene::texture::{self as scene_texture, Texture};
+use crate::{
+    files::reach::Reach,
+    scene::texture::{self as scene_texture, Texture},
+};
 
 /// Reads a glTF with its buffers and images.
 ///
@@ -39,7 +42,15 @@ use crate::scene::texture::{self as scene_texture, Texture};
 /// When the file is not glTF 2.0, requires an extension that is not read, a buffer or image cannot be
 /// read, a key is wrong, or there is no triangle. The error names the file, and the key where there is one.
 pub fn load(path: &Path) -> Result<Imported, ImportError> {
-    let file = File::read(path)?;
+    load_within(path, &Reach::anywhere())
+}
+
+/// As [`load`], reading no file out of `reach`.
+///
+/// # Errors
+/// Those of [`load`], and when the glTF names a file out of reach.
+pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> {
+    let file = File::read(path, reach)?;
     let nodes = nodes::scene_nodes(&file)?;
     let mut reader = Reader {
         worlds: nodes.iter().map(|n| (n.index, n.world)).collect(),
@@ -87,7 +98,7 @@ impl Reader<'_> {
             Some(skin) => vec![Pose::Skinned(nodes::joint_matrices(file, &key, skin, &self.worlds)?)],
             None => nodes::instances(file, &key, node)?.into_iter().map(|m| Pose::Rigid(world * m)).collect(),
         };
-        let part = self.part_id(nodes::part(file, self.nodes, id, mesh.name.as_deref()));
+        let part = self.part_id(nodes::part(file, self.nodes, id, mesh.name.as_deref())?);
         let weights = node.weights.as_deref().or(mesh.weights.as_deref()).unwrap_or_default();
         for (i, primitive) in mesh.primitives.iter().enumerate() {
             let key = format!("meshes[{}].primitives[{i}]", mesh_index.value());

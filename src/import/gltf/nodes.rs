@@ -6,7 +6,7 @@ use glam::{Mat4, Quat, Vec3};
 use gltf_json::{Accessor, Index, Node, Skin};
 
 use super::file::File;
-use crate::import::{error::ImportError, imported::Part};
+use crate::import::{budget::MAX_DEPTH, error::ImportError, imported::Part};
 
 /// A node of the default scene.
 pub struct SceneNode {
@@ -14,6 +14,8 @@ pub struct SceneNode {
     pub index: usize,
     /// Position of the parent in the list of scene nodes; `None` for a root.
     pub parent: Option<usize>,
+    /// Number of nodes from the root to this one, both counted.
+    depth: usize,
     /// Transformation from the node's coordinates to world space.
     pub world: Mat4,
     /// Whether neither the node nor an ancestor is hidden by `KHR_node_visibility`.
@@ -49,8 +51,12 @@ pub fn scene_nodes(file: &File) -> Result<Vec<SceneNode>, ImportError> {
         }
         let visibility = json.extensions.as_ref().and_then(|e| e.others.get("KHR_node_visibility"));
         let is_hidden = visibility.is_some_and(|v| v["visible"].as_bool() == Some(false));
+        let depth = parent.map_or(1, |p| out[p].depth + 1);
+        if depth > MAX_DEPTH {
+            return Err(file.error(key, format!("the tree of nodes is more than {MAX_DEPTH} deep")));
+        }
         let id = out.len();
-        out.push(SceneNode { index, parent, world, is_visible: was_visible && !is_hidden });
+        out.push(SceneNode { index, parent, depth, world, is_visible: was_visible && !is_hidden });
         next.extend(json.children.iter().flatten().rev().map(|&child| (child, Some(id))));
     }
     Ok(out)
@@ -74,17 +80,22 @@ fn rotation(q: [f32; 4]) -> Quat {
 
 /// Names that select the triangles of the node at position `id` of `nodes`: the node's own as the
 /// object, those of its ancestors and of its mesh as groups.
-pub fn part(file: &File, nodes: &[SceneNode], id: usize, mesh: Option<&str>) -> Part {
-    let mut names: Vec<String> = Vec::new();
+///
+/// # Errors
+/// When the names of all nodes so far are too many.
+pub fn part(file: &File, nodes: &[SceneNode], id: usize, mesh: Option<&str>) -> Result<Part, ImportError> {
+    let mut names: Vec<&str> = Vec::new();
     let mut at = Some(id);
     while let Some(node) = at.map(|i| &nodes[i]) {
-        names.extend(file.root.nodes[node.index].name.clone());
+        names.extend(file.root.nodes[node.index].name.as_deref());
         at = node.parent;
     }
-    names.extend(mesh.map(str::to_owned));
+    names.extend(mesh);
     names.retain(|n| !n.is_empty());
-    let mut names = names.into_iter();
-    Part { object: names.next(), groups: names.collect() }
+    let bytes = names.iter().map(|n| n.len() + size_of::<String>()).sum();
+    file.budget.name(bytes).map_err(|e| file.error(format!("nodes[{}]", nodes[id].index), e))?;
+    let mut names = names.into_iter().map(str::to_owned);
+    Ok(Part { object: names.next(), groups: names.collect() })
 }
 
 /// Transformations of a skin's joints in the default pose, from the mesh's bind pose to world space;
@@ -100,6 +111,7 @@ pub fn joint_matrices(
 ) -> Result<Vec<Mat4>, ImportError> {
     let json = file.get(&format!("{key}.skin"), skin)?;
     let key = format!("skins[{}]", skin.value());
+    file.budget.decode(json.joints.len()).map_err(|e| file.error(&key, e))?;
     let inverse = match json.inverse_bind_matrices {
         Some(accessor) => file.elements::<16>(&key, accessor)?,
         None => Vec::new(),

@@ -13,6 +13,7 @@ use gltf_json::{
 
 use super::{file::File, warnings::Warnings};
 use crate::{
+    files::reach::MAX_PICTURE_BYTES,
     import::error::ImportError,
     scene::texture::{Encoding, Texture, TextureLoader},
 };
@@ -180,7 +181,13 @@ impl<'a> Textures<'a> {
                     data = found?;
                     &data
                 }
-                None => return Ok(self.loader.load_raw(&file.path_of(&key, uri)?, encoding, role)?),
+                None => {
+                    let path = file.path_of(&key, uri)?;
+                    match file.reach.check(&path, MAX_PICTURE_BYTES) {
+                        Err(e) if !e.is_missing() => return Err(file.unread(&key, e)),
+                        _ => return Ok(self.loader.load_raw(&path, encoding, role)?),
+                    }
+                }
             }
         } else {
             return Err(file.error(key, "needs `uri` or `bufferView`"));

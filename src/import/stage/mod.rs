@@ -14,6 +14,7 @@ mod frame;
 mod obstacles;
 mod plan;
 mod rig;
+mod setting;
 mod subject;
 mod text;
 
@@ -33,7 +34,7 @@ use super::{
 use crate::{
     embree::EmbreeError,
     math::{Bounds, Rgb},
-    scene::Mesh,
+    scene::{Mesh, material::MaterialParams},
 };
 
 /// Azimuth from which a subject is seen, degrees to the right of +z: a three-quarter view shows front
@@ -54,6 +55,9 @@ const MAX_METRES: f32 = 20.0;
 /// Largest extent of a subject that is taken to be in centimetres, 10 m; in millimetres, what is larger
 /// than 1 m is above.
 const MAX_CENTIMETRES: f32 = 1000.0;
+
+/// Opacity below which one sees through a surface: more passes than is stopped.
+const MIN_OPACITY: f32 = 0.5;
 
 /// What a user decides of a staging.
 #[derive(Clone, Debug, Default)]
@@ -76,11 +80,44 @@ pub struct Staging {
     pub summary: String,
 }
 
-/// Whether a scene file needs no staging: it has a camera, and lights or materials that emit.
+/// Whether a scene file needs no staging: it has a camera, and is lit.
 #[must_use]
 pub fn is_complete(imported: &Imported) -> bool {
+    imported.camera.is_some() && is_lit(imported)
+}
+
+/// Whether a scene file needs no staged lights: it has lights of its own, or a camera of its own and
+/// materials that emit. Without a camera, what emits is taken for a part of the object, as a display is.
+fn is_lit(imported: &Imported) -> bool {
     let emits = || imported.materials.iter().any(|(_, m)| m.emission != Rgb::ZERO);
-    imported.camera.is_some() && (!imported.lights.is_empty() || emits())
+    !imported.lights.is_empty() || imported.camera.is_some() && emits()
+}
+
+/// The triangles that are the main object of a scene file without a selection, found from the geometry,
+/// and their names for messages. `imported` has its positions in metres, y up.
+///
+/// What the file's own camera does not see is not it: then everything is.
+///
+/// # Errors
+/// When a triangle's coordinates are not finite or too large for Embree.
+pub fn main_object(imported: &Imported) -> Result<(Vec<bool>, String), EmbreeError> {
+    let mesh = &imported.mesh;
+    let mut is_main = find(mesh, imported)?.is_main;
+    if let Some(camera) = &imported.camera {
+        let obstacles = Obstacles::new(mesh, &is_main)?;
+        if obstacles.visible_share(&corners(mesh, &is_main), camera.position) == 0.0 {
+            is_main.fill(true);
+        }
+    }
+    let names = text::main_object_words(&selection(mesh, &is_main, imported));
+    Ok((is_main, names))
+}
+
+/// The subject of a mesh with the materials of a scene file.
+fn find(mesh: &Mesh, imported: &Imported) -> Result<Subject, EmbreeError> {
+    let is_clear = |m: &MaterialParams| m.model.transmits() || m.opacity < MIN_OPACITY;
+    let is_clear: Vec<bool> = imported.materials.iter().map(|(_, m)| is_clear(m)).collect();
+    subject::find(mesh, &is_clear)
 }
 
 /// Stages what the scene file `file` lacks of camera and lights; `imported` is as it was read.
@@ -100,7 +137,7 @@ pub fn stage(
     axes::to_metres_y_up(&mut mesh, 1.0, options.up_axis);
     let subject = match named {
         Some(is_main) => Subject { has_floor: subject::has_floor(&mesh, &is_main), is_main },
-        None => subject::find(&mesh),
+        None => find(&mesh, imported)?,
     };
     let size = bounds(&mesh, &subject.is_main).extent();
     let (unit, scale) = if is_obj { unit(size.max_element()) } else { ("metres", 1.0) };
@@ -134,7 +171,6 @@ fn plan<'a>(
     };
     let floor = Bounds::of(mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize])).lo.y;
     let needs_backdrop = !has_camera && !subject.has_floor;
-    let is_lit = !imported.lights.is_empty();
     Ok(Plan {
         file,
         scale,
@@ -142,7 +178,7 @@ fn plan<'a>(
         camera: (!has_camera).then_some(view),
         main_object,
         backdrop: needs_backdrop.then(|| rig::backdrop(&around, floor, &view)),
-        lights: if is_lit { Vec::new() } else { rig::lights(&around, &view, &obstacles) },
+        lights: if is_lit(imported) { Vec::new() } else { rig::lights(&around, &view, &obstacles) },
         subject: around,
     })
 }

@@ -8,43 +8,18 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
+use super::setting::{PANEL_GAP, Piece, Setting, bounds_of};
 use crate::{
+    embree::EmbreeError,
     math::Bounds,
     scene::mesh::{Mesh, face_normal},
 };
 
 /// Pieces above which everything is the subject: all pairs are tested, which takes 40 ms for 3000.
 const MAX_PIECES: usize = 3000;
-/// Largest thickness of a panel over its largest extent: a table top is one, a box is none.
-/// Interval 0.026 to 0.49.
-const PANEL_THICKNESS: f32 = 0.04;
-/// Least extents of a floor or wall along its plane, over those of the scene: a rug or a table top that
-/// spans less is furniture. Interval 0.02 to 0.99.
-const PANEL_SPAN: f32 = 0.6;
-/// Largest distance of a floor, wall or ceiling from the scene's bounding box, over the box's extent:
-/// skirting boards and lamps reach beyond a room by less. Interval 0.001 to 1.8.
-const PANEL_GAP: f32 = 0.05;
-/// Least horizontal extents of a room or a backdrop, over those of the scene: only what stands outside
-/// may reach farther. Interval 0.03 to 0.95.
-const ROOM_SPAN: f32 = 0.9;
-/// Largest distance of a room's walls from the scene's bounding box, over the box's extent: the reveal of
-/// a window or door. Interval 0.0006 to 0.71.
-const BOUNDARY: f32 = 0.02;
 /// Largest height of a subject's lowest point above or below a floor, over the scene's height: pictures
 /// that hang in a room stand on its floor too. Interval 0.10 to 0.25.
 const STANDING_GAP: f32 = 0.12;
-/// Least share of a room's area that lies on the scene's bounding box: the rest is what is modelled with
-/// it. Interval 0.02 to 0.98.
-const ROOM_SHARE: f32 = 0.7;
-/// Least share of a room's area on the bounding box that faces inward: a closed box seen from outside is
-/// no room; of a room whose walls are thick, half of the area faces out. Interval 0.01 to 0.98.
-const INWARD_SHARE: f32 = 0.4;
-/// Least horizontal extents of a backdrop or a landscape, over those of all else: it shows on both sides
-/// of the subject. Interval 0.04 to 3.1.
-const ENCLOSING_SPAN: f32 = 1.5;
-/// Least share of the area of a backdrop or a landscape that faces the centre of all else: below 0.51 a
-/// backdrop with a back side is one, and so is any large object beside others. Interval 0.51 to 1.
-const ENCLOSING_SHARE: f32 = 0.8;
 /// Largest horizontal extents of a subject, over those of the scene: what fills the floor is the scene
 /// itself. Interval 0.76 to 0.84.
 const MAX_STANDING: f32 = 0.8;
@@ -69,53 +44,50 @@ pub struct Subject {
     pub has_floor: bool,
 }
 
-/// An object or group, or a connected part of a mesh that has only one.
-#[derive(Debug)]
-struct Piece {
-    triangles: Vec<usize>,
-    bounds: Bounds,
-}
-
 /// Finds the subject: without a floor everything; otherwise what the largest of the
 /// groups of touching pieces holds that is neither floor nor wall. What stands on a
 /// table in a room is found by doing so again.
 ///
-/// Pieces are objects or groups, or the connected parts of the mesh if there is only one.
-pub fn find(mesh: &Mesh) -> Subject {
-    let pieces = pieces(mesh);
+/// Pieces are objects or groups, or the connected parts of the mesh if there is only one. Which way
+/// their faces look does not count. `is_clear` says of each material whether one sees through it.
+///
+/// # Errors
+/// When a triangle's coordinates are not finite or too large for Embree.
+pub fn find(mesh: &Mesh, is_clear: &[bool]) -> Result<Subject, EmbreeError> {
+    let pieces = pieces(mesh, is_clear);
     let mut subject: Vec<&Piece> = pieces.iter().collect();
     let mut has_floor = false;
     while (2..=MAX_PIECES).contains(&subject.len()) {
-        let Some(inner) = without_shells(mesh, &subject) else { break };
+        let Some(inner) = without_shells(mesh, &subject)? else { break };
         subject = inner;
         has_floor = true;
     }
     let mut is_main = vec![false; mesh.indices.len()];
     subject.iter().flat_map(|p| &p.triangles).for_each(|&t| is_main[t] = true);
-    Subject { is_main, has_floor }
+    Ok(Subject { is_main, has_floor })
 }
 
 /// The largest group of pieces that stands on a floor or in a room of the others.
-fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Option<Vec<&'a Piece>> {
-    let scene = bounds_of(pieces);
-    let is_enclosing = |p: &Piece| encloses(mesh, p, pieces, &scene);
-    let (shells, inner): (Vec<&Piece>, Vec<&Piece>) =
-        pieces.iter().partition(|p| is_panel(p, &scene) || is_room(mesh, p, &scene) || is_enclosing(p));
-    if shells.is_empty() {
-        return None;
-    }
-    let subject = dominant(&inner, TOUCHING * bounds_of(&inner).extent().length());
-    let bounds = bounds_of(&subject);
-    let share = bounds.extent() / scene.extent();
+fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Result<Option<Vec<&'a Piece>>, EmbreeError> {
+    let setting = Setting::new(mesh, pieces)?;
+    let scene = setting.scene;
     let gap = STANDING_GAP * scene.extent().y;
-    let floors = shells.iter().filter(|p| is_floor(p, &scene));
-    let top = |p: &Piece| if is_panel(p, &scene) { p.bounds.hi.y } else { p.bounds.lo.y };
-    let stands = floors.map(|p| top(p)).any(|top| (bounds.lo.y - top).abs() <= gap);
-    let is_held = stands || shells.iter().any(|p| is_enclosing(p));
+    let floors: Vec<f32> = setting.floors().collect();
+    let main_of = |inner: &[&'a Piece]| dominant(inner, TOUCHING * bounds_of(inner).extent().length());
+    let stands_as_wall = |p: &Piece| p.is_upright() && floors.iter().any(|top| p.bounds.lo.y <= top + gap);
+    let (mut sheets, solids): (Vec<&Piece>, Vec<&Piece>) =
+        setting.inner.iter().partition(|p| stands_as_wall(p));
+    let before = main_of(&solids);
+    sheets.retain(|p| solids.is_empty() || !p.backs(mesh, &before));
+    let subject = main_of(&[solids, sheets].concat());
+    let bounds = bounds_of(&subject);
+    let stands = floors.iter().any(|top| (bounds.lo.y - top).abs() <= gap);
+    let is_held = !setting.surroundings.is_empty() || stands && setting.is_within_rooms(&bounds);
+    let share = bounds.extent() / scene.extent();
     let is_small = share.x <= MAX_STANDING && share.z <= MAX_STANDING;
     // What is painted on a floor does not stand on it.
     let rises = bounds.hi.y > scene.lo.y;
-    (!subject.is_empty() && is_held && is_small && rises).then_some(subject)
+    Ok((!subject.is_empty() && is_held && is_small && rises).then_some(subject))
 }
 
 /// Whether triangles of other pieces lie below a subject that was named.
@@ -136,75 +108,6 @@ pub fn has_floor(mesh: &Mesh, is_main: &[bool]) -> bool {
         && floor.lo.z <= subject.lo.z
         && floor.hi.x >= subject.hi.x
         && floor.hi.z >= subject.hi.z
-}
-
-fn bounds_of(pieces: &[&Piece]) -> Bounds {
-    pieces.iter().map(|p| p.bounds).reduce(Bounds::union).unwrap_or(Bounds::of([]))
-}
-
-/// Whether the horizontal extents of a piece are at least a share of the scene's.
-fn spans(piece: &Piece, scene: &Bounds, share: f32) -> bool {
-    let (extent, whole) = (piece.bounds.extent(), scene.extent());
-    extent.x >= share * whole.x && extent.z >= share * whole.z
-}
-
-/// Whether a panel or room reaches down to the scene's lowest point and is wide enough to stand on.
-fn is_floor(piece: &Piece, scene: &Bounds) -> bool {
-    piece.bounds.lo.y <= scene.lo.y + PANEL_GAP * scene.extent().y && spans(piece, scene, PANEL_SPAN)
-}
-
-/// Whether a piece is a floor, a wall or a ceiling.
-fn is_panel(piece: &Piece, scene: &Bounds) -> bool {
-    let (extent, whole) = (piece.bounds.extent(), scene.extent());
-    let Some(axis) = (0..3).find(|&a| extent[a] <= PANEL_THICKNESS * extent.max_element()) else {
-        return false;
-    };
-    let gap = (piece.bounds.lo[axis] - scene.lo[axis]).min(scene.hi[axis] - piece.bounds.hi[axis]);
-    (0..3).filter(|&a| a != axis).all(|a| extent[a] >= PANEL_SPAN * whole[a])
-        && gap <= PANEL_GAP * whole[axis]
-}
-
-/// Whether a piece is a room: most of it lies on the scene's boundary and is seen from inside.
-fn is_room(mesh: &Mesh, piece: &Piece, scene: &Bounds) -> bool {
-    let tolerance = BOUNDARY * scene.extent();
-    let lies_on_boundary = |corners: &[Vec3; 3]| {
-        (0..3).any(|a| {
-            corners.iter().all(|c| c[a] - scene.lo[a] <= tolerance[a])
-                || corners.iter().all(|c| scene.hi[a] - c[a] <= tolerance[a])
-        })
-    };
-    if !spans(piece, scene, ROOM_SPAN) {
-        return false;
-    }
-    let (on, inward) = areas(mesh, piece, scene.center(), lies_on_boundary);
-    let (total, _) = areas(mesh, piece, scene.center(), |_| true);
-    on >= ROOM_SHARE * total && inward >= INWARD_SHARE * on
-}
-
-/// Whether a piece surrounds the others at a distance, as a backdrop or a landscape does.
-fn encloses(mesh: &Mesh, piece: &Piece, pieces: &[&Piece], scene: &Bounds) -> bool {
-    if !spans(piece, scene, ROOM_SPAN) {
-        return false;
-    }
-    let others: Vec<&Piece> = pieces.iter().filter(|p| !std::ptr::eq(**p, piece)).copied().collect();
-    let inner = bounds_of(&others);
-    let room = piece.bounds.extent() / inner.extent();
-    if room.x < ENCLOSING_SPAN || room.z < ENCLOSING_SPAN {
-        return false;
-    }
-    let (total, inward) = areas(mesh, piece, inner.center(), |_| true);
-    inward >= ENCLOSING_SHARE * total
-}
-
-/// Area of the triangles of a piece for which `counts` holds, and of those among them whose shading
-/// normals face a point.
-fn areas(mesh: &Mesh, piece: &Piece, point: Vec3, counts: impl Fn(&[Vec3; 3]) -> bool) -> (f32, f32) {
-    let triangles = piece.triangles.iter().map(|&t| (t, mesh.corners(t))).filter(|(_, c)| counts(c));
-    triangles.fold((0.0, 0.0), |(total, facing), (t, c)| {
-        let area = 0.5 * face_normal(c).length();
-        let normal: Vec3 = mesh.indices[t].iter().map(|&i| mesh.normals[i as usize]).sum();
-        (total + area, facing + if normal.dot(point - c[0]) > 0.0 { area } else { 0.0 })
-    })
 }
 
 /// The pieces of the largest group of touching pieces, and of the groups about as large.
@@ -238,24 +141,20 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
 }
 
 /// The pieces of a mesh in the order of their first triangles.
-fn pieces(mesh: &Mesh) -> Vec<Piece> {
+fn pieces(mesh: &Mesh, is_clear: &[bool]) -> Vec<Piece> {
     let one_object = mesh.objects.windows(2).all(|w| w[0] == w[1]);
     let label =
         if one_object { components(mesh) } else { mesh.objects.iter().map(|&o| o as usize).collect() };
     let mut index: HashMap<usize, usize> = HashMap::new();
-    let mut out: Vec<Piece> = Vec::new();
+    let mut triangles: Vec<Vec<usize>> = Vec::new();
     for (t, l) in label.into_iter().enumerate() {
-        let bounds = Bounds::of(mesh.corners(t));
-        let i = *index.entry(l).or_insert(out.len());
-        match out.get_mut(i) {
-            None => out.push(Piece { triangles: vec![t], bounds }),
-            Some(piece) => {
-                piece.triangles.push(t);
-                piece.bounds = piece.bounds.union(bounds);
-            }
+        let i = *index.entry(l).or_insert(triangles.len());
+        if i == triangles.len() {
+            triangles.push(Vec::new());
         }
+        triangles[i].push(t);
     }
-    out
+    triangles.into_iter().map(|triangles| Piece::new(mesh, triangles, is_clear)).collect()
 }
 
 /// Label of the connected part of each triangle: triangles that share a position are connected.
@@ -299,7 +198,7 @@ mod tests {
     }
 
     fn main_boxes(mesh: &Mesh) -> Vec<usize> {
-        let s = find(mesh);
+        let s = find(mesh, &[false]).unwrap();
         (0..mesh.indices.len() / 12).filter(|i| s.is_main[12 * i]).collect()
     }
 
@@ -312,7 +211,7 @@ mod tests {
             add(&mut mesh, names[2], [-0.5, 1.01, -0.5], [0.5, 2.0, 0.5]);
             add(&mut mesh, names[3], [3.0, 0.01, 3.0], [3.5, 0.5, 3.5]);
             assert_eq!(main_boxes(&mesh), [1, 2], "{names:?}");
-            assert!(find(&mesh).has_floor);
+            assert!(find(&mesh, &[false]).unwrap().has_floor);
         }
     }
 
@@ -329,11 +228,48 @@ mod tests {
     }
 
     #[test]
+    fn a_backdrop_may_face_either_way() {
+        for is_turned in [false, true] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 0, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
+            let sweep = Sweep {
+                position: Vec3::ZERO,
+                turn: 0.0,
+                front: 2.0,
+                back: 2.0,
+                width: 4.0,
+                height: 2.5,
+                radius: 0.8,
+            };
+            sweep.append(&mut mesh, 0, 1);
+            if is_turned {
+                mesh.indices[12..].iter_mut().for_each(|t| t.swap(1, 2));
+                mesh.normals.iter_mut().for_each(|n| *n = -*n);
+            }
+            let subject = find(&mesh, &[false]).unwrap();
+            assert!(subject.has_floor && subject.is_main[..12].iter().all(|m| *m), "{is_turned}");
+            assert!(!subject.is_main[12..].contains(&true), "{is_turned}");
+        }
+    }
+
+    #[test]
+    fn walls_need_not_end_where_the_floor_does() {
+        // At its edge, at three quarters of it, and a metre below it.
+        for (z, bottom) in [(-2.0, 0.0), (-1.0, 0.0), (-2.0, -1.0)] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 0, [-2.0, 0.0, -2.0], [2.0, 0.0, 2.0]);
+            add(&mut mesh, 1, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
+            add(&mut mesh, 2, [-2.0, bottom, z], [2.0, 3.0, z]);
+            assert_eq!(main_boxes(&mesh), [1], "{z} {bottom}");
+        }
+    }
+
+    #[test]
     fn without_a_floor_everything_is_the_subject() {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [0.0; 3], [1.0; 3]);
         add(&mut mesh, 1, [3.0, 0.0, 0.0], [3.5; 3]);
-        assert_eq!(find(&mesh), Subject { is_main: vec![true; 24], has_floor: false });
+        assert_eq!(find(&mesh, &[false]).unwrap(), Subject { is_main: vec![true; 24], has_floor: false });
     }
 
     #[test]
@@ -347,13 +283,64 @@ mod tests {
     }
 
     #[test]
-    fn a_room_is_not_the_subject() {
+    fn a_room_is_not_the_subject_whichever_way_it_faces() {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [0.0; 3], [4.0, 3.0, 5.0]);
         add(&mut mesh, 1, [1.0, 0.0, 1.0], [2.0, 1.0, 2.0]);
-        assert_eq!(main_boxes(&mesh), [0, 1], "a box with something in it");
+        assert_eq!(main_boxes(&mesh), [1]);
+        mesh.indices[..12].iter_mut().for_each(|t| t.swap(1, 2));
         mesh.normals[..32].iter_mut().for_each(|n| *n = -*n);
-        assert_eq!(main_boxes(&mesh), [1], "a room");
+        assert_eq!(main_boxes(&mesh), [1]);
+        let glass = find(&mesh, &[true]).unwrap();
+        assert!(!glass.has_floor && glass.is_main.iter().all(|m| *m), "a glass case and what it shows");
+    }
+
+    #[test]
+    fn the_door_of_a_house_is_not_the_subject() {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, 0, [0.0; 3], [8.0, 6.0, 10.0]);
+        add(&mut mesh, 1, [3.0, 0.0, 9.95], [4.0, 2.0, 10.05]);
+        assert_eq!(main_boxes(&mesh), [0, 1]);
+    }
+
+    #[test]
+    fn a_panel_behind_or_beside_the_subject_is_a_wall_at_any_angle() {
+        for (angle, panel) in [(0.0, 0.0), (0.6, 0.0), (0.6, 0.05), (-1.2, 0.01)] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 0, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
+            add(&mut mesh, 1, [-1.5, 0.0, -0.6], [1.5, 2.0, -0.6 + panel]);
+            let turn = glam::Quat::from_rotation_y(angle);
+            mesh.positions.iter_mut().for_each(|p| *p = turn * *p);
+            add(&mut mesh, 2, [-5.0, 0.0, -5.0], [5.0, 0.0, 5.0]);
+            assert_eq!(main_boxes(&mesh), [0], "{angle} {panel}");
+        }
+    }
+
+    #[test]
+    fn a_panel_that_is_no_wall_remains() {
+        // A screen on its foot, and one beside a smaller thing.
+        for solid in [[[-0.3, 0.0, -0.2], [0.3, 0.05, 0.2]], [[2.0, 0.0, -0.2], [2.2, 0.2, 0.0]]] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 0, solid[0], solid[1]);
+            add(&mut mesh, 1, [-0.8, 0.05, -0.02], [0.8, 1.0, 0.02]);
+            add(&mut mesh, 2, [-5.0, 0.0, -5.0], [5.0, 0.0, 5.0]);
+            assert!(main_boxes(&mesh).contains(&1), "{solid:?}");
+        }
+    }
+
+    #[test]
+    fn the_shade_of_a_lamp_is_no_backdrop() {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, 0, [-0.1, 0.0, -0.1], [0.1, 0.5, 0.1]);
+        add(&mut mesh, 1, [-0.3, 0.4, -0.3], [0.3, 0.8, 0.3]);
+        // Without its bottom and its top.
+        for face in [3, 2] {
+            let from = 12 + 2 * face;
+            mesh.indices.drain(from..from + 2);
+            mesh.objects.drain(from..from + 2);
+            mesh.materials.drain(from..from + 2);
+        }
+        assert!(find(&mesh, &[false]).unwrap().is_main.iter().all(|m| *m));
     }
 
     #[test]

@@ -32,16 +32,21 @@ pub fn three_digits(v: f32) -> String {
     format!("{v:.decimals$}")
 }
 
-/// Which object was taken for the main one, and what was added, in words.
-pub fn summary(plan: &Plan) -> String {
-    let main = match &plan.main_object {
+/// The main object in words.
+pub fn main_object_words(main_object: &MainObject) -> String {
+    match main_object {
         MainObject::Named(names) if names.iter().any(|n| n == "*") => "everything".to_owned(),
         MainObject::Named(names) if names.len() > MAX_ON_A_LINE => {
             format!("{} and {} more", names[..MAX_ON_A_LINE - 1].join(", "), names.len() + 1 - MAX_ON_A_LINE)
         }
         MainObject::Named(names) => names.join(", "),
         MainObject::Inside(_) => "what stands on the floor".to_owned(),
-    };
+    }
+}
+
+/// Which object was taken for the main one, and what was added, in words.
+pub fn summary(plan: &Plan) -> String {
+    let main = main_object_words(&plan.main_object);
     let staged = [
         (plan.camera.is_some(), "a camera"),
         (plan.backdrop.is_some(), "a backdrop"),
@@ -49,6 +54,9 @@ pub fn summary(plan: &Plan) -> String {
     ];
     let staged: Vec<&str> =
         staged.iter().filter(|(is_staged, _)| *is_staged).map(|(_, what)| *what).collect();
+    if staged.is_empty() {
+        return format!("main object: {main}; camera and lights are the file's own");
+    }
     format!("main object: {main}; staged with {}", staged.join(", "))
 }
 

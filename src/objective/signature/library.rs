@@ -3,7 +3,6 @@
 //! A class is named by `FILE.toml#CLASS`. `name` and `cumulated` are all that a class needs; the rest is
 //! provenance. The keys are listed in `docs/formats.md`; unknown ones are refused.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,7 @@ use thiserror::Error;
 
 use super::{Shape, Signature, SignatureError};
 use crate::files::toml_file::{self, TomlError};
-use crate::files::{did_you_mean, nearest};
+use crate::files::{did_you_mean, nearest, text};
 
 /// Version of the format of libraries, the only one so far.
 const SCHEMA: u32 = 1;
@@ -165,8 +164,7 @@ impl Library {
     /// # Errors
     /// With file and key, when it is no valid one.
     pub fn read(path: &Path) -> Result<Self, LibraryError> {
-        let text = fs::read_to_string(path)
-            .map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
+        let text = text::read(path).map_err(|source| LibraryError::Read { path: path.to_owned(), source })?;
         let library: Self = toml_file::parse(path, &text)?;
         library.check(path)?;
         Ok(library)
@@ -248,6 +246,8 @@ impl Library {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn library() -> Library {
