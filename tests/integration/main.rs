@@ -18,3 +18,4 @@ mod room;
 mod run;
 mod sidecar;
 mod stage;
+mod white_sky;
