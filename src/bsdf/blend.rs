@@ -16,6 +16,38 @@ use super::{
 };
 use crate::math::{Rgb, SolidAnglePdf, luminance, warp};
 
+/// What lies on the base of a blend.
+#[derive(Clone, Copy, Debug)]
+pub enum Layer<'a> {
+    /// No coat; the metal is smooth.
+    Bare,
+    /// No coat; the metal has these facets.
+    Facets(FacetsPoint<'a>),
+    /// A coat, whose facets the metal shares.
+    Coat(CoatPoint<'a>),
+}
+
+impl<'a> Layer<'a> {
+    /// The coat.
+    #[must_use]
+    pub fn coat(&self) -> Option<&CoatPoint<'a>> {
+        match self {
+            Self::Coat(coat) => Some(coat),
+            Self::Bare | Self::Facets(_) => None,
+        }
+    }
+
+    /// Facets of coat and metal; `None` is smooth.
+    #[must_use]
+    pub fn facets(&self) -> Option<FacetsPoint<'a>> {
+        match self {
+            Self::Bare => None,
+            Self::Facets(facets) => Some(*facets),
+            Self::Coat(coat) => coat.facets(),
+        }
+    }
+}
+
 /// A mixture of diffuse, plastic and metal, upper side.
 #[derive(Clone, Copy, Debug)]
 pub struct Blend<'a> {
@@ -28,37 +60,29 @@ pub struct Blend<'a> {
     pub metallic: f32,
     /// Strength of the coat, in [0, 1]; 0 where there is none.
     pub specular: f32,
-    /// The coat.
-    pub coat: Option<CoatPoint<'a>>,
-    /// Facets of the metal, and of the coat; `None` is smooth.
-    pub facets: Option<FacetsPoint<'a>>,
+    /// Coat and facets.
+    pub layer: Layer<'a>,
 }
 
-impl Blend<'_> {
+impl<'a> Blend<'a> {
     /// A blend that selects its lobes by its own colour.
     #[must_use]
-    pub fn new<'a>(
-        color: Rgb,
-        metallic: f32,
-        specular: f32,
-        coat: Option<CoatPoint<'a>>,
-        facets: Option<FacetsPoint<'a>>,
-    ) -> Blend<'a> {
-        let specular = if coat.is_some() { specular } else { 0.0 };
-        Blend { color, sampling_color: luminance(color), metallic, specular, coat, facets }
+    pub fn new(color: Rgb, metallic: f32, specular: f32, layer: Layer<'a>) -> Self {
+        let specular = if layer.coat().is_some() { specular } else { 0.0 };
+        Self { color, sampling_color: luminance(color), metallic, specular, layer }
     }
 
     /// Whether there is a lobe besides a perfect mirror.
     pub(super) fn has_non_delta(&self) -> bool {
-        self.facets.is_some() || self.metallic < 1.0
+        self.layer.facets().is_some() || self.metallic < 1.0
     }
 
     /// What coat and facets do to light from a direction; all passes where there are none.
     fn passage(&self, cos: f32) -> Passage {
-        match (&self.coat, &self.facets) {
-            (Some(coat), _) => coat.passage(cos),
-            (None, Some(facets)) => Passage { transmittance: 1.0, loss: facets.loss(Cosine::new(cos)) },
-            (None, None) => Passage { transmittance: 1.0, loss: 0.0 },
+        match &self.layer {
+            Layer::Coat(coat) => coat.passage(cos),
+            Layer::Facets(facets) => Passage { transmittance: 1.0, loss: facets.loss(Cosine::new(cos)) },
+            Layer::Bare => Passage { transmittance: 1.0, loss: 0.0 },
         }
     }
 
@@ -67,10 +91,10 @@ impl Blend<'_> {
     fn probabilities(&self, cos: f32, passage: Passage) -> [f32; 3] {
         let (m, w, color) = (self.metallic, self.specular, self.sampling_color);
         let [coat, between] =
-            self.coat.map_or([0.0; 2], |c| [c.mirror_albedo(passage), c.wide_albedo(passage)]);
+            self.layer.coat().map_or([0.0; 2], |c| [c.mirror_albedo(passage), c.wide_albedo(passage)]);
         let metal = (1.0 - passage.loss) * conductor::mirror_albedo(color, cos);
         let base = (1.0 - w + w * passage.transmittance) * color;
-        let wide = self.facets.map_or(0.0, |f| passage.loss * conductor::wide_albedo(color, &f));
+        let wide = self.layer.facets().map_or(0.0, |f| passage.loss * conductor::wide_albedo(color, &f));
         let mirror = (1.0 - m) * w * coat + m * metal;
         let diffuse = (1.0 - m) * (base + w * between);
         let p = lobes::mirror_probability(mirror, diffuse);
@@ -80,7 +104,7 @@ impl Blend<'_> {
 
     /// Reflectance of facets, coat and metal together.
     fn facet(&self, cos: f32) -> Affine {
-        let coat = self.coat.map_or(0.0, |c| self.specular * c.fresnel(cos));
+        let coat = self.layer.coat().map_or(0.0, |c| self.specular * c.fresnel(cos));
         Affine::coat(Rgb::splat((1.0 - self.metallic) * coat))
             + fresnel::schlick(self.color, cos) * self.metallic
     }
@@ -88,7 +112,8 @@ impl Blend<'_> {
     /// Value of the base and of light between the coat's facets.
     fn diffuse(&self, o: Passage, i: Passage) -> Affine {
         let (bare, w) = ((1.0 - self.specular) * FRAC_1_PI, self.specular);
-        let (base, coat) = self.coat.map_or((0.0, 0.0), |c| (w * c.base(o, i), w * c.interreflection(o, i)));
+        let (base, coat) =
+            self.layer.coat().map_or((0.0, 0.0), |c| (w * c.base(o, i), w * c.interreflection(o, i)));
         Affine { coat: Rgb::splat(coat), body: self.color * (bare + base) }
     }
 
@@ -99,7 +124,7 @@ impl Blend<'_> {
         let [o, i] = [wo, wi].map(|w| self.passage(w.z));
         let mut value = self.diffuse(o, i) * (1.0 - self.metallic);
         let mut densities = [[0.0; 2]; 2];
-        if let Some(facets) = &self.facets {
+        if let Some(facets) = &self.layer.facets() {
             let r = facets.ggx.reflection(wo, wi);
             let returned = conductor::returned(self.color, facets) * self.metallic;
             value = value + self.facet(r.cos) * r.brdf + returned * facets.interreflection(o.loss, i.loss);
@@ -121,7 +146,7 @@ impl Blend<'_> {
             return None;
         }
         let p = self.probabilities(wo.z, self.passage(wo.z));
-        let wi = match &self.facets {
+        let wi = match &self.layer.facets() {
             None if uc < p[0] => {
                 let f = self.facet(wo.z) * (1.0 / wo.z);
                 return Some(BsdfSample::delta(reflect(wo), f, p[0]));

@@ -33,7 +33,7 @@ use glam::{Vec2, Vec3};
 use crate::math::SolidAnglePdf;
 
 pub use affine::Affine;
-pub use blend::Blend;
+pub use blend::{Blend, Layer};
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, Glass};
 pub use diffuse::Diffuse;

@@ -48,9 +48,10 @@ fn mixture(
     metal: &dyn Fn(&Conductor) -> Affine,
     coated: &dyn Fn(&CoatPoint, Rgb) -> Affine,
 ) -> Affine {
-    let coat = b.coat.map_or(Affine::ZERO, |c| coated(&c, b.color) * b.specular);
+    let coat = b.layer.coat().map_or(Affine::ZERO, |c| coated(c, b.color) * b.specular);
     let base = Affine::body(b.color * (1.0 - b.specular)) + coat;
-    base * (1.0 - b.metallic) + metal(&Conductor::new(b.color, b.sampling_color, b.facets)) * b.metallic
+    base * (1.0 - b.metallic)
+        + metal(&Conductor::new(b.color, b.sampling_color, b.layer.facets())) * b.metallic
 }
 
 fn metal(b: &Conductor) -> Affine {

@@ -14,6 +14,7 @@ const N_ROUGHNESS: usize = 49;
 /// A function of cos θ ≥ 0, for facets of one slope or of any.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
+    /// A row twice, or as many as there are roughnesses.
     rows: Vec<Row>,
 }
 
@@ -43,7 +44,8 @@ impl Row {
 impl Table {
     /// Tabulates `f(ggx, cos)` for one distribution.
     pub fn new(ggx: Ggx, f: impl Fn(Ggx, f32) -> f32 + Sync) -> Self {
-        Self::of_rows(&[ggx], f)
+        let Self { rows } = Self::of_rows(&[ggx], f);
+        Self { rows: [rows.clone(), rows].concat() }
     }
 
     /// Tabulates `f(ggx, cos)` for distributions of every slope from [`Ggx::MIN_ALPHA`] to 1.
@@ -67,21 +69,26 @@ impl Table {
 
     /// The function for facets of slope `alpha`, which a table of one slope ignores.
     pub fn row(&self, alpha: f32) -> TableRow<'_> {
-        if let [row] = &self.rows[..] {
-            return TableRow { row, next: row, t: 0.0, average: row.average };
-        }
-        let Place { i, t } = Place::new(alpha.sqrt(), N_ROUGHNESS);
-        let (row, next) = (&self.rows[i], &self.rows[i + 1]);
-        TableRow { row, next, t, average: row.average * (1.0 - t) + next.average * t }
+        let (i, t) = match self.rows.len() {
+            N_ROUGHNESS => {
+                let Place { i, t } = Place::new(alpha.sqrt(), N_ROUGHNESS);
+                (i, t)
+            }
+            _ => (0, 0.0),
+        };
+        let (pairs, _) = self.rows[i..].as_chunks();
+        let rows: &[Row; 2] = &pairs[0];
+        let average =
+            if t == 0.0 { rows[0].average } else { rows[0].average * (1.0 - t) + rows[1].average * t };
+        TableRow { rows, t, average }
     }
 }
 
 /// A function of the cosine alone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TableRow<'a> {
-    row: &'a Row,
-    next: &'a Row,
-    /// How far it is from one row to the next, in [0, 1].
+    rows: &'a [Row; 2],
+    /// How far it is from one row to the other, in [0, 1].
     t: f32,
     /// Mean over projected solid angle, 2 ∫ f(μ) μ dμ.
     pub average: f32,
@@ -92,8 +99,8 @@ impl TableRow<'_> {
     pub fn at(&self, cos: Cosine) -> f32 {
         let Place { i, t } = cos.0;
         let look_up = |row: &Row| row.nodes[i] * (1.0 - t) + row.nodes[i + 1] * t;
-        let value = look_up(self.row);
-        if self.t == 0.0 { value } else { value * (1.0 - self.t) + look_up(self.next) * self.t }
+        let value = look_up(&self.rows[0]);
+        if self.t == 0.0 { value } else { value * (1.0 - self.t) + look_up(&self.rows[1]) * self.t }
     }
 }
 

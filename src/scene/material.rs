@@ -6,10 +6,7 @@ use glam::Vec2;
 
 use super::texture::{ScalarMap, Texture};
 use crate::{
-    bsdf::{
-        Blend, Bsdf, Coat, CoatPoint, Conductor, Diffuse, Facets, FacetsPoint, Glass, Plastic,
-        microfacet::Ggx,
-    },
+    bsdf::{Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, microfacet::Ggx},
     math::{Rgb, luminance},
 };
 
@@ -423,28 +420,26 @@ impl Material {
         });
         // Tables of one slope know it.
         let alpha = alpha.or(self.alpha).unwrap_or(Ggx::MIN_ALPHA);
-        let (coat, facets): (Option<CoatPoint>, Option<FacetsPoint>) = match &self.tables {
+        let layer = match &self.tables {
             Tables::Glass(glass) => return Bsdf::Dielectric(glass.at(alpha)),
-            Tables::Coat(coat) => {
-                let coat = coat.at(alpha);
-                (Some(coat), coat.facets())
-            }
-            Tables::Facets(facets) => (None, Some(facets.at(alpha))),
-            Tables::None => (None, None),
+            Tables::Coat(coat) => Layer::Coat(coat.at(alpha)),
+            Tables::Facets(facets) => Layer::Facets(facets.at(alpha)),
+            Tables::None => Layer::Bare,
         };
         let base = self.color(uv);
         let sampling_color = luminance(base) * sampling_value;
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
-            return Bsdf::Conductor(Conductor::new(base, sampling_color, facets));
+            return Bsdf::Conductor(Conductor::new(base, sampling_color, layer.facets()));
         }
-        let specular = if coat.is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
-        match coat {
+        let specular =
+            if layer.coat().is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
+        match layer {
             _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: base }),
-            Some(coat) if metallic == 0.0 && specular == 1.0 => {
+            Layer::Coat(coat) if metallic == 0.0 && specular == 1.0 => {
                 Bsdf::Plastic(Plastic { albedo: base, sampling_albedo: sampling_color, coat })
             }
-            _ => Bsdf::Blend(Blend { color: base, sampling_color, metallic, specular, coat, facets }),
+            _ => Bsdf::Blend(Blend { color: base, sampling_color, metallic, specular, layer }),
         }
     }
 }

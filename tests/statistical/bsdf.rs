@@ -11,7 +11,7 @@ use std::{
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Blend, Bsdf, Coat, CoatPoint, Conductor, Diffuse, Facets, Glass, Plastic,
+        Blend, Bsdf, Coat, CoatPoint, Conductor, Diffuse, Facets, Glass, Layer, Plastic,
         TransportMode::{self, Importance, Radiance},
         microfacet::Ggx,
     },
@@ -155,8 +155,8 @@ fn blends() -> Vec<Case> {
 }
 
 fn blend<'a>(color: Rgb, metallic: f32, coat: Option<CoatPoint<'a>>, alpha: Option<f32>) -> Bsdf<'a> {
-    let facets = coat.and_then(|c| c.facets()).or(alpha.map(|alpha| ANY_FACETS.at(alpha)));
-    Bsdf::Blend(Blend::new(color, metallic, 0.6, coat, facets))
+    let bare = || alpha.map_or(Layer::Bare, |alpha| Layer::Facets(ANY_FACETS.at(alpha)));
+    Bsdf::Blend(Blend::new(color, metallic, 0.6, coat.map_or_else(bare, Layer::Coat)))
 }
 
 /// Tests of one kind over all models.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Plastic,
+        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic,
         TransportMode::{Importance, Radiance},
         microfacet::Ggx,
     },
@@ -187,9 +187,9 @@ fn clear_glass_loses_nothing_at_any_roughness() {
 #[test]
 fn white_mixtures_are_white_whatever_their_shares() {
     for alpha in [0.03, 0.2, 1.0] {
-        let (coat, facets) = (ANY_COAT.at(alpha), ANY_FACETS.at(alpha));
+        let layer = Layer::Coat(ANY_COAT.at(alpha));
         for (metallic, specular) in [(0.0, 0.0), (0.0, 0.4), (0.3, 0.0), (0.3, 1.0), (0.5, 0.5), (1.0, 0.7)] {
-            let bsdf = Bsdf::Blend(Blend::new(Rgb::ONE, metallic, specular, Some(coat), Some(facets)));
+            let bsdf = Bsdf::Blend(Blend::new(Rgb::ONE, metallic, specular, layer));
             for wo in COSINES.map(at_cosine) {
                 let [coat, body] = albedo(&bsdf, alpha, None, wo);
                 let what = format!("alpha {alpha}, metallic {metallic}, specular {specular}");
@@ -363,9 +363,9 @@ fn a_factor_on_the_base_colour_is_the_colour_with_that_factor() {
             });
         }
         check(factor, &|albedo| Bsdf::Diffuse(Diffuse { albedo }));
-        let (coat, facets) = (Some(ANY_COAT.at(0.15)), Some(ANY_FACETS.at(0.15)));
+        let (layer, facets) = (Layer::Coat(ANY_COAT.at(0.15)), Some(ANY_FACETS.at(0.15)));
         let mixed = |color, metallic| {
-            Bsdf::Blend(Blend { color, sampling_color: 0.7, metallic, specular: 0.6, coat, facets })
+            Bsdf::Blend(Blend { color, sampling_color: 0.7, metallic, specular: 0.6, layer })
         };
         check(factor, &|color| mixed(color, 0.0));
         // Light between metal facets is exact at no colour at all; and at 1, where nothing is scaled.
