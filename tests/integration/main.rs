@@ -17,5 +17,6 @@ mod render;
 mod room;
 mod run;
 mod sidecar;
+mod smooth_metal;
 mod stage;
 mod white_sky;

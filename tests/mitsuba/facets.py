@@ -1,9 +1,10 @@
-"""Light between facets for Mitsuba's rough models, as this program has it.
+"""Light between facets and bent shading normals for Mitsuba's models, as this program has them.
 
 Mitsuba's microfacet models follow light to its first facet. What that facet sends into another one
 is lost there; here it is added, after [Kulla17] and the documentation of src/bsdf/{facets, plastic,
 conductor, dielectric}.rs. The tables are made anew, with more nodes and points than the program's.
-The single facet stays Mitsuba's: `prepare` wraps its models in a scene that was exported.
+The single facet stays Mitsuba's: `prepare` wraps its models in a scene that was exported, and all models
+in one that bends their normals for the viewer.
 """
 
 import re
@@ -21,6 +22,8 @@ ROWS = 65
 # Fibonacci numbers: points of the lattice over visible normals, and its step.
 POINTS, STEP = 6765, 4181
 PLUGIN = "between_facets"
+# Models that carry another one, which meets the same interaction or one with another normal.
+CARRIERS = ("twosided", "mask", "normalmap", "bumpmap")
 
 
 def fresnel(c, eta):
@@ -249,6 +252,64 @@ class BetweenFacets(mi.BSDF):
         return f"BetweenFacets[{self.kind}]"
 
 
+class Bent(mi.BSDF):
+    """A model in a frame whose normal is bent for the viewer, as that of src/scene/lean.rs is."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.nested = next(props[name] for name in props.keys() if isinstance(props[name], mi.BSDF))
+        self.reflects = props["reflects"]
+        self.m_components = [self.nested.flags(i) for i in range(self.nested.component_count())]
+        self.m_flags = self.nested.flags()
+
+    def seen(self, si):
+        """The interaction in the bent frame, and that frame."""
+        w, g = si.wi, si.to_local(si.n)
+        g = dr.select(dr.dot(g, w) < 0, -g, g)
+        # The normal, +z here, in the viewer's hemisphere, and where it leans from the face's.
+        side = dr.select(g.z < 0, -1.0, 1.0)
+        n = mi.Vector3f(0, 0, side)
+        height, facing = dr.dot(w, g), w.z * side
+        clearance = dr.minimum(0.01, 0.9 * height)
+        clear = facing > 0
+        if self.reflects:
+            clear &= 2 * facing * dr.abs(g.z) - height >= clearance
+        x = n - g * dr.abs(g.z)
+        x /= dr.maximum(dr.norm(x), 1e-20)
+        along = dr.dot(w, x)
+        reach = dr.sqrt(dr.maximum(along * along + height * height - clearance * clearance, 0))
+        if self.reflects:
+            bent = x * (along + reach) + g * (height + clearance)
+        else:
+            bent = x * (height * reach + along * clearance) + g * (height * clearance - along * reach)
+        bent = dr.normalize(bent) * side
+        frame = mi.Frame3f(dr.select(clear | (height <= 0), mi.Vector3f(0, 0, 1), bent))
+        seen = mi.SurfaceInteraction3f(si)
+        seen.wi = frame.to_local(w)
+        return seen, frame
+
+    def sample(self, ctx, si, sample1, sample2, active=True):
+        seen, frame = self.seen(si)
+        bs, value = self.nested.sample(ctx, seen, sample1, sample2, active)
+        bs.wo = frame.to_world(bs.wo)
+        return bs, value
+
+    def eval(self, ctx, si, wo, active=True):
+        seen, frame = self.seen(si)
+        return self.nested.eval(ctx, seen, frame.to_local(wo), active)
+
+    def pdf(self, ctx, si, wo, active=True):
+        seen, frame = self.seen(si)
+        return self.nested.pdf(ctx, seen, frame.to_local(wo), active)
+
+    def eval_pdf(self, ctx, si, wo, active=True):
+        seen, frame = self.seen(si)
+        return self.nested.eval_pdf(ctx, seen, frame.to_local(wo), active)
+
+    def to_string(self):
+        return f"Bent[{self.nested}]"
+
+
 def base_colors(mtl):
     """Kd by the name that a material has in file names."""
     colors, name = {}, None
@@ -304,10 +365,24 @@ def wrap(single, color):
     return outer
 
 
+def bend(parent):
+    """Bends the normals of all models below an element, each mixture's as a whole."""
+    for i, element in enumerate(list(parent)):
+        if element.tag == "bsdf" and element.get("type") not in (*CARRIERS, "null"):
+            outer = ElementTree.Element("bsdf", type="bent")
+            reflects = "false" if element.get("type") == "diffuse" else "true"
+            ElementTree.SubElement(outer, "boolean", name="reflects", value=reflects)
+            outer.append(element)
+            parent[i] = outer
+        else:
+            bend(element)
+
+
 def prepare(scene_xml, mtl):
-    """Writes a scene with light between facets beside an exported one, and returns its path."""
+    """Writes a scene with our models beside an exported one, and returns its path."""
     if PLUGIN not in prepare.registered:
         mi.register_bsdf(PLUGIN, BetweenFacets)
+        mi.register_bsdf("bent", Bent)
         prepare.registered.add(PLUGIN)
     colors = base_colors(mtl)
     tree = ElementTree.parse(scene_xml)
@@ -318,6 +393,7 @@ def prepare(scene_xml, mtl):
             for i, element in enumerate(list(parent)):
                 if element.get("type") in ("roughplastic", "principled", "roughdielectric"):
                     parent[i] = wrap(element, color)
+        bend(shape)
     path = Path(scene_xml).with_name("between_facets.xml")
     tree.write(path)
     return path
