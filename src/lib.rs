@@ -68,20 +68,27 @@
 //!   and Merging*, ACM TOG 31(6), 2012.
 //! - \[He15\] Z. He, X. Wang, *On the Convergence Rate of Randomized Quasi-Monte Carlo for
 //!   Discontinuous Functions*, SIAM J. Numer. Anal. 53(5), 2015.
+//! - \[Heitz16\] E. Heitz, J. Hanika, E. d'Eon, C. Dachsbacher, *Multiple-Scattering
+//!   Microfacet BSDFs with the Smith Model*, ACM TOG 35(4), 2016.
 //! - \[Heitz18\] E. Heitz, *Sampling the GGX Distribution of Visible Normals*, JCGT 7(4),
 //!   2018.
 //! - \[Heitz19\] E. Heitz, *A Low-Distortion Map Between Triangle and Square*, HAL
 //!   hal-02073696, 2019.
+//! - \[Hill18\] S. Hill, *A Multi-Faceted Exploration*, part 3, self-shadow.com, 2018.
 //! - \[Hunter15\] F. Hunter, S. Biver, P. Fuqua, *Light: Science & Magic*, 5th ed., Focal
 //!   Press 2015.
 //! - \[ICC\] International Color Consortium, *ICC.1:2022*.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
+//! - \[Kelemen01\] C. Kelemen, L. Szirmay-Kalos, *A Microfacet Based Coupled Specular-Matte
+//!   BRDF Model with Importance Sampling*, Eurographics short presentations, 2001.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
 //! - \[Kolb95\] C. Kolb, D. Mitchell, P. Hanrahan, *A Realistic Camera Model for Computer
 //!   Graphics*, SIGGRAPH 1995.
 //! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
 //!   88-28, 1988.
+//! - \[Kulla17\] C. Kulla, A. Conty, *Revisiting Physically Based Shading at Imageworks*,
+//!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2017.
 //! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,
 //!   Technometrics 3(4), 1961.
 //! - \[Lindbloom\] B. Lindbloom, *RGB/XYZ Matrices*, *Chromatic Adaptation*.

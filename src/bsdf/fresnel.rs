@@ -34,6 +34,27 @@ pub fn schlick(f0: Rgb, cos_theta: f32) -> Affine {
     Affine { coat: Rgb::splat(grazing), body: f0 * (1.0 - grazing) }
 }
 
+/// Mean of [`schlick`]'s reflectance over projected solid angle, 2 ∫ F(μ) μ dμ.
+#[must_use]
+pub fn schlick_average(f0: Rgb) -> Rgb {
+    (f0 * 20.0 + 1.0) / 21.0
+}
+
+/// Mean of [`dielectric`]'s reflectance over projected solid angle, from outside.
+///
+/// From inside it is 1 − (1 − F)/η², for as much light passes one way as the other.
+#[must_use]
+pub fn dielectric_average(eta: f32) -> f32 {
+    /// Error 1e-6.
+    const N: u32 = 512;
+    // With μ = x² the steep grazing end gets more of the midpoints.
+    let term = |i: u32| {
+        let x = (f64::from(i) + 0.5) / f64::from(N);
+        4.0 * x.powi(3) * f64::from(dielectric((x * x) as f32, eta).0)
+    };
+    ((0..N).map(term).sum::<f64>() / f64::from(N)) as f32
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -58,5 +79,24 @@ mod tests {
             assert!((r - back).abs() < 1e-5);
             assert!((cos_i - i as f32 / 20.0).abs() < 1e-5);
         }
+    }
+
+    #[test]
+    fn averages_are_those_of_the_formulas() {
+        let average = |f: &dyn Fn(f32) -> f32| {
+            let n = 1 << 16;
+            (0..n)
+                .map(|i| (f64::from(i) + 0.5) / f64::from(n))
+                .map(|mu| 2.0 * mu * f64::from(f(mu as f32)) / f64::from(n))
+                .sum::<f64>() as f32
+        };
+        for eta in [1.01, 1.3, 1.5, 2.5] {
+            let (outside, inside) = (average(&|c| dielectric(c, eta).0), average(&|c| dielectric(-c, eta).0));
+            let f = dielectric_average(eta);
+            assert!((f - outside).abs() < 2e-6, "{eta}: {f} {outside}");
+            assert!((1.0 - (1.0 - f) / (eta * eta) - inside).abs() < 2e-6, "{eta}: {inside}");
+        }
+        let f0 = Rgb::new(0.9, 0.3, 0.0);
+        assert!((schlick_average(f0).y - average(&|c| schlick(f0, c).at(1.0).y)).abs() < 1e-6);
     }
 }

@@ -44,6 +44,12 @@ impl Ggx {
         Self { alpha }
     }
 
+    /// Slope parameter.
+    #[must_use]
+    pub fn alpha(&self) -> f32 {
+        self.alpha
+    }
+
     /// Density of facets with normal `wm`, per unit solid angle and projected area.
     #[must_use]
     pub fn d(&self, wm: Vec3) -> f32 {
@@ -69,6 +75,18 @@ impl Ggx {
         2.0 / (1.0 + (1.0 + self.alpha * self.alpha * tan2).sqrt())
     }
 
+    /// 1 − [`Self::g1`], with all its digits where masking is hardly any.
+    #[must_use]
+    pub(super) fn shadowing(&self, w: Vec3, wm: Vec3) -> f32 {
+        if w.dot(wm) * w.z <= 0.0 {
+            return 1.0;
+        }
+        let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+        let a2_tan2 = self.alpha * self.alpha * tan2;
+        // 1 − 2/(1 + s) = (s² − 1)/(1 + s)², s² = 1 + α² tan²θ; it is 1 where that is infinite.
+        (a2_tan2 / (1.0 + (1.0 + a2_tan2).sqrt()).powi(2)).min(1.0)
+    }
+
     /// Density of the facets visible from `w`, per unit solid angle of `wm`.
     #[must_use]
     pub fn pdf_wm(&self, w: Vec3, wm: Vec3) -> SolidAnglePdf {
@@ -90,15 +108,19 @@ impl Ggx {
     #[must_use]
     pub fn sample_wm(&self, w: Vec3, u: Vec2) -> Vec3 {
         let phi = 2.0 * PI * u.x;
-        self.wm_towards(w, Vec2::new(phi.cos(), phi.sin()), u.y)
+        self.wm_towards(self.stretched(w), Vec2::new(phi.cos(), phi.sin()), u.y)
     }
 
-    /// [`Self::sample_wm`] of the unit vector `direction` at the angle 2π `u.x`, and of `u.y`.
-    #[must_use]
-    pub(super) fn wm_towards(&self, w: Vec3, direction: Vec2, u_y: f32) -> Vec3 {
+    /// `w`, turned up, in the space where the facets are a hemisphere.
+    pub(super) fn stretched(&self, w: Vec3) -> Vec3 {
         let w = if w.z < 0.0 { -w } else { w };
+        Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize()
+    }
+
+    /// [`Self::sample_wm`] of a stretched `wh`, of the unit vector `direction` at the angle
+    /// 2π `u.x`, and of `u.y`.
+    pub(super) fn wm_towards(&self, wh: Vec3, direction: Vec2, u_y: f32) -> Vec3 {
         // [Dupuy23] listing 1: uniform on the spherical cap of the hemisphere configuration.
-        let wh = Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize();
         let z = (1.0 - u_y) * (1.0 + wh.z) - wh.z;
         let sin_theta = (1.0 - z * z).clamp(0.0, 1.0).sqrt();
         let c = Vec3::new(sin_theta * direction.x, sin_theta * direction.y, z);

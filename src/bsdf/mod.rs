@@ -8,27 +8,36 @@
 //! Values are affine in a factor v on the base colour ([`Affine`]); sampling
 //! decides by the largest v there will be.
 //!
+//! No model loses light to its roughness: what one facet sends into another comes out
+//! after all ([`facets`]), so that white stays white and clear glass clear.
+//!
 //! # References
-//! \[Walter07\] (microfacets), \[Veach97\] 5.2 and 5.3 (adjoint BSDFs, shading normals).
+//! \[Walter07\] (microfacets), \[Kulla17\] (light between facets), \[Veach97\] 5.2 and 5.3 (adjoint BSDFs, shading normals).
 
 mod affine;
 pub mod blend;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod facets;
 pub mod fresnel;
+mod interface;
+mod lobes;
 pub mod microfacet;
+pub mod nearest;
 pub mod plastic;
+mod table;
 
 use glam::{Vec2, Vec3};
 
 use crate::math::SolidAnglePdf;
 
 pub use affine::Affine;
-pub use blend::Blend;
+pub use blend::{Blend, Layer};
 pub use conductor::Conductor;
-pub use dielectric::Dielectric;
+pub use dielectric::{Dielectric, Glass};
 pub use diffuse::Diffuse;
+pub use facets::{Facets, FacetsPoint};
 pub use plastic::{Coat, CoatPoint, Plastic};
 
 /// What is transported along the subpath that is being extended.
@@ -89,9 +98,9 @@ pub enum Bsdf<'a> {
     /// Lambertian.
     Diffuse(Diffuse),
     /// Metal.
-    Conductor(Conductor),
+    Conductor(Conductor<'a>),
     /// Glass.
-    Dielectric(Dielectric),
+    Dielectric(Dielectric<'a>),
     /// Coated diffuse.
     Plastic(Plastic<'a>),
     /// A mixture of the opaque models.
@@ -132,7 +141,7 @@ impl Bsdf<'_> {
         let sample = match self {
             Self::Dielectric(b) => return b.sample(wo, uc, u, mode),
             Self::Diffuse(b) => b.sample(up, u),
-            Self::Conductor(b) => b.sample(up, u),
+            Self::Conductor(b) => b.sample(up, uc, u),
             Self::Plastic(b) => b.sample(up, uc, u),
             Self::Blend(b) => b.sample(up, uc, u),
         };
@@ -144,8 +153,8 @@ impl Bsdf<'_> {
     pub fn has_non_delta(&self) -> bool {
         match self {
             Self::Diffuse(_) | Self::Plastic(_) => true,
-            Self::Conductor(b) => b.ggx.is_some(),
-            Self::Dielectric(b) => b.ggx.is_some(),
+            Self::Conductor(b) => b.facets.is_some(),
+            Self::Dielectric(b) => b.facets.is_some(),
             Self::Blend(b) => b.has_non_delta(),
         }
     }

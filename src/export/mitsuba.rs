@@ -10,11 +10,12 @@
 //! | `max_depth` | `max_depth`: both count edges after the camera | exact |
 //! | diffuse | `twosided(diffuse)` | exact |
 //! | plastic, smooth | `twosided(plastic)`, `nonlinear` false, albedo times [`compensation`] | exact |
-//! | plastic, rough | `twosided(roughplastic)`, GGX, alpha = roughness², likewise | exact to 0.05 %, the quadrature of its tables |
-//! | conductor, rough | `twosided(principled)`, `metallic` 1, same roughness: Schlick over separable GGX | exact |
+//! | plastic, rough | `twosided(roughplastic)`, GGX, alpha = roughness², likewise | darker: a warning says by how much |
+//! | conductor, rough | `twosided(principled)`, `metallic` 1, same roughness: Schlick over separable GGX | darker: a warning says by how much |
 //! | conductor, smooth and white | `twosided(conductor)`, material `none` | exact |
 //! | conductor, smooth, other | `principled` at its least slope 0.001 | approximate: a warning says so |
-//! | dielectric | `dielectric`, `roughdielectric` (GGX), `ext_ior` 1 | exact |
+//! | dielectric, smooth | `dielectric`, `ext_ior` 1 | exact |
+//! | dielectric, rough | `roughdielectric`, GGX, `ext_ior` 1 | darker: a warning says by how much |
 //! | mixtures | `blendbsdf` by coat strength, then by share of metal | exact |
 //! | roughness from an image | `principled`: exact; `roughdielectric`: its square is interpolated; `roughplastic`: one roughness | warning |
 //! | opacity | `mask`; a null interaction of `volpath`, no edge | exact; a cutoff of an image only nearly |
@@ -36,6 +37,10 @@
 //! without counting an edge; `path` would stop there. All lights hidden from
 //! the camera become `hide_emitters`, which hides bodies that emit too: they
 //! keep a black one behind. A mixture is refused, but for lights outside the picture.
+//!
+//! Mitsuba's rough models follow light to its first facet alone, and lose what that facet
+//! sends into another one. `tests/mitsuba/facets.py` adds it there, so that our pictures can
+//! be compared with Mitsuba's down to a pixel.
 
 mod lights;
 mod materials;
@@ -46,6 +51,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use glam::Vec2;
+
 pub use self::materials::compensation;
 use self::{
     materials::Compensations,
@@ -54,7 +61,7 @@ use self::{
 use super::{ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part};
 use crate::{
     camera::Camera,
-    math::Rgb,
+    math::{Rgb, luminance},
     scene::{Material, material::Model},
 };
 
@@ -65,6 +72,13 @@ const SKIN: f32 = 3.0 * 9e-5;
 
 /// Name of the scene description within the directory.
 const SCENE_FILE: &str = "scene.xml";
+
+/// Share of its light that a material must lose in Mitsuba to be warned about: as little as the
+/// comparison of pictures would show.
+const LEAST_LOSS: f32 = 0.003;
+
+/// Texture coordinates at which a material with images is taken for that warning.
+const MIDDLE: Vec2 = Vec2::splat(0.5);
 
 /// Scene description of Mitsuba 3.
 #[derive(Clone, Copy, Debug)]
@@ -97,6 +111,7 @@ impl Exporter for Mitsuba {
             elements: String::new(),
             warnings: Vec::new(),
             compensations: Compensations::default(),
+            darker: Vec::new(),
         };
         for i in 0..job.scene().materials.len() {
             writer.surface(i)?;
@@ -105,6 +120,7 @@ impl Exporter for Mitsuba {
             writer.light(&l)?;
         }
         writer.warn_of_lost_caustics();
+        writer.warn_of_lost_light();
         writer.finish()
     }
 }
@@ -124,6 +140,15 @@ struct Writer<'a> {
     elements: String,
     warnings: Vec<String>,
     compensations: Compensations,
+    /// Materials that Mitsuba's models make darker.
+    darker: Vec<Darker>,
+}
+
+/// A material that is darker in Mitsuba.
+struct Darker {
+    material: String,
+    /// Luminance under a white sky of luminance 1, here and in Mitsuba.
+    albedos: [f32; 2],
 }
 
 /// The triangles of one material, which become one mesh.
@@ -153,6 +178,7 @@ impl Writer<'_> {
         }
         let stem = format!("{index:02}_{}", plain(&material.name));
         let s = Surface { index, material, tint: self.job.tint(index), part, stem };
+        self.note_lost_light(&s);
         let bsdf = self.bsdf(&s)?;
         let Some((emitter, two_sided)) = self.mesh_emitter(&s)? else {
             return self.ply(&s.part, &s.stem, &bsdf);
@@ -196,6 +222,34 @@ impl Writer<'_> {
                 l.light.name, m.name
             ));
         }
+    }
+
+    /// Remembers a material that is darker where light between facets is left out.
+    fn note_lost_light(&mut self, s: &Surface) {
+        let bsdf = s.material.bsdf(MIDDLE, 1.0);
+        let value = self.job.scene().value_of(s.index, self.job.lighting.value as f32);
+        let albedos =
+            [bsdf.white_sky_albedo(), bsdf.single_scattering_albedo()].map(|a| luminance(a.at(value)));
+        if albedos[1] < (1.0 - LEAST_LOSS) * albedos[0] {
+            self.darker.push(Darker { material: s.material.name.clone(), albedos });
+        }
+    }
+
+    /// One line about all materials that Mitsuba's models make darker.
+    fn warn_of_lost_light(&mut self) {
+        let ratio = |d: &Darker| d.albedos[1] / d.albedos[0];
+        let Some(worst) = self.darker.iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b))) else { return };
+        let [ours, theirs] = worst.albedos;
+        let others = match self.darker.len() - 1 {
+            0 => String::new(),
+            1 => "; another rough material is darker too".to_owned(),
+            n => format!("; {n} other rough materials are darker too"),
+        };
+        self.warnings.push(format!(
+            "material `{}`: Mitsuba's model loses the light that rough facets pass on to each other: under a \
+             white sky of radiance 1 it shows {theirs:.3}, here {ours:.3}{others}",
+            worst.material
+        ));
     }
 
     /// Writes the scene description.

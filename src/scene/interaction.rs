@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
+use super::lean;
 use crate::{
     bsdf::{Affine, Bsdf, Scattering, TransportMode, adjoint_cosine},
     math::{Frame, SolidAnglePdf},
@@ -54,42 +55,97 @@ pub struct ScatterSample {
 }
 
 impl SurfaceInteraction<'_> {
-    /// Whether a direction is on the same side of the surface with and without
-    /// its relief. One that is not takes no part in scattering, whichever end of
-    /// the path it belongs to: so nothing leaks through a closed surface, and both
-    /// modes of transport agree.
-    fn is_consistent(&self, w: Vec3) -> bool {
-        self.untilted.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
+    /// The shading frame bent for a camera subpath that leaves along `to_camera` ([`lean`]); `None` where
+    /// it need not be.
+    fn bent(&self, to_camera: Vec3) -> Option<Frame> {
+        // A surface seen from behind is turned over as a whole.
+        let side = 1.0_f32.copysign(self.ng.dot(to_camera));
+        let reflects = !matches!(self.bsdf, Bsdf::Diffuse(_));
+        lean::bent(self.frame.n * side, self.ng * side, to_camera, reflects)
+            .map(|n| Frame::from_normal(n * side))
+    }
+
+    /// Whether the shading normal is bent for a camera subpath that leaves along `to_camera`. What a delta lobe
+    /// then sends there no light subpath finds.
+    #[must_use]
+    pub fn is_bent(&self, to_camera: Vec3) -> bool {
+        self.bent(to_camera).is_some()
+    }
+
+    /// Whether the directions to the camera and to the light are on the same side of the surface with and
+    /// without its relief; `frame` is that of the camera's direction. One that is not takes no part in
+    /// scattering, whichever end of the path it belongs to: so nothing leaks through a closed surface, and
+    /// both modes of transport agree.
+    fn is_consistent(&self, to_camera: Vec3, to_light: Vec3, frame: &Frame) -> bool {
+        self.untilted.is_none_or(|n| {
+            n.dot(to_camera) * frame.n.dot(to_camera) > 0.0
+                && n.dot(to_light) * self.frame.n.dot(to_light) > 0.0
+        })
+    }
+
+    /// BSDF without cosine and densities, in a frame.
+    fn evaluate(&self, frame: &Frame, wo: Vec3, wi: Vec3, mode: TransportMode) -> Scattering {
+        self.bsdf.evaluate(frame.to_local(wo), frame.to_local(wi), mode)
     }
 
     /// BSDF times cosine about `wi`, adjoint correction included, and the densities with which
     /// [`Self::sample`] draws either direction given the other; world directions.
+    ///
+    /// The value is that in the frame bent for the camera's direction, in both modes of transport. A light
+    /// subpath does not know that direction before it is drawn, and draws it in the frame as it is.
     #[must_use]
     pub fn scatter(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> Scattering {
-        if !(self.is_consistent(wo) && self.is_consistent(wi)) {
+        let (to_camera, to_light) = match mode {
+            TransportMode::Radiance => (wo, wi),
+            TransportMode::Importance => (wi, wo),
+        };
+        let bent = self.bent(to_camera);
+        let frame = bent.unwrap_or(self.frame);
+        if !self.is_consistent(to_camera, to_light, &frame) {
             return Scattering::ZERO;
         }
-        let s = self.bsdf.evaluate(self.frame.to_local(wo), self.frame.to_local(wi), mode);
-        Scattering { value: s.value * adjoint_cosine(wo, wi, self.frame.n, self.ng, mode), ..s }
+        let s = self.evaluate(&frame, wo, wi, mode);
+        let value = s.value * adjoint_cosine(wo, wi, frame.n, self.ng, mode);
+        if bent.is_none() {
+            return Scattering { value, ..s };
+        }
+        let from_light = self.evaluate(&self.frame, wo, wi, mode);
+        match mode {
+            TransportMode::Radiance => Scattering { value, pdf: s.pdf, pdf_rev: from_light.pdf_rev },
+            TransportMode::Importance => Scattering { value, pdf: from_light.pdf, pdf_rev: s.pdf_rev },
+        }
     }
 
     /// Samples a direction; `uc` chooses the lobe, `u` the direction, both in [0, 1). `None` where the
     /// surface scatters nothing that way.
     #[must_use]
     pub fn sample(&self, wo: Vec3, uc: f32, u: Vec2, mode: TransportMode) -> Option<ScatterSample> {
-        if !self.is_consistent(wo) {
+        let is_camera = mode == TransportMode::Radiance;
+        let bent = if is_camera { self.bent(wo) } else { None };
+        let drawn_in = bent.unwrap_or(self.frame);
+        let s = self.bsdf.sample(drawn_in.to_local(wo), uc, u, mode).filter(|s| s.pdf.0 > 0.0)?;
+        let wi = drawn_in.to_world(s.wi);
+        let (bent, to_camera, to_light) = if is_camera { (bent, wo, wi) } else { (self.bent(wi), wi, wo) };
+        let frame = bent.unwrap_or(self.frame);
+        if !self.is_consistent(to_camera, to_light, &frame) {
             return None;
         }
-        let s = self.bsdf.sample(self.frame.to_local(wo), uc, u, mode)?;
-        if s.pdf.0 <= 0.0 {
-            return None;
+        let weight = s.f * (adjoint_cosine(wo, wi, frame.n, self.ng, mode) / s.pdf.0);
+        let whole = ScatterSample { wi, weight, pdf: s.pdf, pdf_rev: s.pdf_rev, delta: s.delta };
+        match (bent, is_camera) {
+            (None, _) => Some(whole),
+            // Bent, many directions toward the camera have one mirror direction: no light subpath finds them.
+            (Some(_), true) if s.delta => Some(ScatterSample { pdf_rev: SolidAnglePdf(0.0), ..whole }),
+            (Some(_), false) if s.delta => None,
+            (Some(_), true) => {
+                Some(ScatterSample { pdf_rev: self.evaluate(&self.frame, wo, wi, mode).pdf_rev, ..whole })
+            }
+            (Some(_), false) => {
+                let there = self.scatter(wo, wi, mode);
+                let weight = there.value * (1.0 / s.pdf.0);
+                Some(ScatterSample { weight, pdf_rev: there.pdf_rev, ..whole })
+            }
         }
-        let wi = self.frame.to_world(s.wi);
-        if !self.is_consistent(wi) {
-            return None;
-        }
-        let weight = s.f * (adjoint_cosine(wo, wi, self.frame.n, self.ng, mode) / s.pdf.0);
-        Some(ScatterSample { wi, weight, pdf: s.pdf, pdf_rev: s.pdf_rev, delta: s.delta })
     }
 
     /// Origin of a ray that leaves along `w`, clear of the surface on the side of `w`.

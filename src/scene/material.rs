@@ -6,7 +6,7 @@ use glam::Vec2;
 
 use super::texture::{ScalarMap, Texture};
 use crate::{
-    bsdf::{Blend, Bsdf, Coat, CoatPoint, Conductor, Dielectric, Diffuse, Plastic, microfacet::Ggx},
+    bsdf::{Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, microfacet::Ggx},
     math::{Rgb, luminance},
 };
 
@@ -44,7 +44,7 @@ pub struct Material {
     params: MaterialParams,
     /// GGX slope α where no image varies it; `None` for a smooth surface.
     alpha: Option<f32>,
-    coat: Option<Arc<Coat>>,
+    tables: Tables,
 }
 
 /// Parameters of a [`Material`]: a model whose numbers images may vary.
@@ -145,32 +145,57 @@ impl MaterialParams {
     }
 }
 
-/// Coats by IOR and GGX slope: materials that are alike share their table.
-#[derive(Debug, Default)]
-pub struct Coats(HashMap<(u32, CoatRoughness), Arc<Coat>>);
+/// What is tabulated of a material's surface.
+#[derive(Clone, Debug)]
+enum Tables {
+    /// Nothing: it is bare, without metal or of smooth metal.
+    None,
+    /// Facets of a metal without coat.
+    Facets(Arc<Facets>),
+    Coat(Arc<Coat>),
+    Glass(Arc<Glass>),
+}
 
-/// Roughness of a coat: smooth, the bits of a GGX slope, or varying.
+/// Coats, facets and glass by IOR and GGX slope: materials that are alike share their tables.
+#[derive(Debug, Default)]
+pub struct Coats {
+    facets: HashMap<Roughness, Arc<Facets>>,
+    coats: HashMap<(u32, Roughness), Arc<Coat>>,
+    glass: HashMap<(u32, Roughness), Arc<Glass>>,
+}
+
+/// Roughness of a surface: smooth, the bits of a GGX slope, or varying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum CoatRoughness {
+enum Roughness {
     Smooth,
     Slope(u32),
     Any,
 }
 
 impl Coats {
-    fn get(&mut self, ior: f32, alpha: Option<f32>, varies: bool) -> Arc<Coat> {
-        let roughness = match alpha {
-            _ if varies => CoatRoughness::Any,
-            Some(a) => CoatRoughness::Slope(a.to_bits()),
-            None => CoatRoughness::Smooth,
+    /// Facets; `None` when smooth.
+    fn facets(&mut self, roughness: Roughness) -> Option<Arc<Facets>> {
+        let tabulate = || match roughness {
+            Roughness::Slope(bits) => Facets::new(f32::from_bits(bits)),
+            _ => Facets::of_any_slope(),
         };
-        let tabulate = || {
-            Arc::new(match roughness {
-                CoatRoughness::Any => Coat::of_any_roughness(ior),
-                _ => Coat::new(ior, alpha),
-            })
+        (roughness != Roughness::Smooth)
+            .then(|| self.facets.entry(roughness).or_insert_with(|| Arc::new(tabulate())).clone())
+    }
+
+    fn coat(&mut self, ior: f32, roughness: Roughness) -> Arc<Coat> {
+        let facets = self.facets(roughness);
+        let tabulate = || Arc::new(facets.map_or_else(|| Coat::smooth(ior), |f| Coat::rough(ior, f)));
+        self.coats.entry((ior.to_bits(), roughness)).or_insert_with(tabulate).clone()
+    }
+
+    fn glass(&mut self, ior: f32, roughness: Roughness) -> Arc<Glass> {
+        let tabulate = || match roughness {
+            Roughness::Smooth => Glass::smooth(ior),
+            Roughness::Slope(bits) => Glass::rough(ior, f32::from_bits(bits)),
+            Roughness::Any => Glass::of_any_slope(ior),
         };
-        self.0.entry((ior.to_bits(), roughness)).or_insert_with(tabulate).clone()
+        self.glass.entry((ior.to_bits(), roughness)).or_insert_with(|| Arc::new(tabulate())).clone()
     }
 }
 
@@ -184,8 +209,25 @@ fn range_of(factor: f32, map: Option<&ScalarMap>) -> [f32; 2] {
     map.map_or([factor; 2], |m| m.range().map(|v| (factor * v).clamp(0.0, 1.0)))
 }
 
+impl Tables {
+    fn new(params: &MaterialParams, roughness: Roughness, coats: &mut Coats) -> Self {
+        if params.model == Model::Dielectric {
+            return Self::Glass(coats.glass(params.ior, roughness));
+        }
+        let metallic = range_of(params.metallic, params.metallic_map.as_ref());
+        let is_coated = params.model == Model::Plastic
+            && range_of(params.specular, params.specular_map.as_ref())[1] > 0.0
+            && metallic[0] < 1.0;
+        let is_metal = params.model == Model::Conductor || metallic[1] > 0.0;
+        if is_coated {
+            return Self::Coat(coats.coat(params.ior, roughness));
+        }
+        is_metal.then(|| coats.facets(roughness)).flatten().map_or(Self::None, Self::Facets)
+    }
+}
+
 impl Material {
-    /// Builds a material; its coat, if any, is looked up or tabulated.
+    /// Builds a material; what is tabulated of its surface is looked up or made.
     #[must_use]
     pub fn new(name: String, mut params: MaterialParams, coats: &mut Coats) -> Self {
         // Images whose numbers are all the same are numbers.
@@ -203,11 +245,13 @@ impl Material {
         }
         let alpha = params.roughness * params.roughness;
         let alpha = (alpha >= Ggx::MIN_ALPHA).then_some(alpha);
-        let is_coated = params.model == Model::Plastic
-            && range_of(params.specular, params.specular_map.as_ref())[1] > 0.0
-            && range_of(params.metallic, params.metallic_map.as_ref())[0] < 1.0;
-        let coat = is_coated.then(|| coats.get(params.ior, alpha, params.roughness_map.is_some()));
-        Self { name, params, alpha, coat }
+        let roughness = match alpha {
+            _ if params.roughness_map.is_some() => Roughness::Any,
+            Some(alpha) => Roughness::Slope(alpha.to_bits()),
+            None => Roughness::Smooth,
+        };
+        let tables = Tables::new(&params, roughness, coats);
+        Self { name, params, alpha, tables }
     }
 
     /// Scattering model.
@@ -374,30 +418,36 @@ impl Material {
             let roughness = scaled(p.roughness, Some(m), uv);
             (roughness * roughness).max(Ggx::MIN_ALPHA)
         });
-        let ggx = alpha.or(self.alpha).map(Ggx::new);
-        if p.model == Model::Dielectric {
-            return Bsdf::Dielectric(Dielectric { eta: p.ior, ggx });
-        }
+        // Tables of one slope know it.
+        let alpha = alpha.or(self.alpha).unwrap_or(Ggx::MIN_ALPHA);
+        let layer = match &self.tables {
+            Tables::Glass(glass) => return Bsdf::Dielectric(glass.at(alpha)),
+            Tables::Coat(coat) => Layer::Coat(coat.at(alpha)),
+            Tables::Facets(facets) => Layer::Facets(facets.at(alpha)),
+            Tables::None => Layer::Bare,
+        };
         let base = self.color(uv);
+        let sampling_color = luminance(base) * sampling_value;
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
-            return Bsdf::Conductor(Conductor { f0: base, ggx });
+            return Bsdf::Conductor(Conductor::new(base, sampling_color, layer.facets()));
         }
-        let coat: Option<CoatPoint> = self.coat.as_deref().map(|c| alpha.map_or(c.constant(), |a| c.at(a)));
-        let specular = if coat.is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
-        let sampling_color = luminance(base) * sampling_value;
-        match coat {
+        let specular =
+            if layer.coat().is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };
+        match layer {
             _ if metallic == 0.0 && specular == 0.0 => Bsdf::Diffuse(Diffuse { albedo: base }),
-            Some(coat) if metallic == 0.0 && specular == 1.0 => {
+            Layer::Coat(coat) if metallic == 0.0 && specular == 1.0 => {
                 Bsdf::Plastic(Plastic { albedo: base, sampling_albedo: sampling_color, coat })
             }
-            _ => Bsdf::Blend(Blend { color: base, sampling_color, metallic, specular, coat, ggx }),
+            _ => Bsdf::Blend(Blend { color: base, sampling_color, metallic, specular, layer }),
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::picture::Samples;
     use crate::scene::texture::{Channel, Encoding};
@@ -427,7 +477,7 @@ mod tests {
         assert!(matches!((none, full, half), (Bsdf::Diffuse(_), Bsdf::Plastic(_), Bsdf::Blend(_))));
         // An image of one number is a number; no coat, no table.
         let m = material(MaterialParams { specular_map: map(Channel::B), ..p.clone() });
-        assert!(m.specular() == 0.0 && m.specular_map().is_none() && m.coat.is_none());
+        assert!(m.specular() == 0.0 && m.specular_map().is_none() && matches!(m.tables, Tables::None));
         let m = material(MaterialParams { specular: 2.0, specular_map: map(Channel::G), ..p });
         assert!((m.specular() - 0.4).abs() < 1e-6);
     }
@@ -471,5 +521,23 @@ mod tests {
         assert!((m.max_albedo() - 0.3).abs() < 1e-6 && m.has_value());
         assert!(!material(MaterialParams { model: Model::Dielectric, ..p.clone() }).has_value());
         assert!(!material(MaterialParams { base_color: Rgb::Z, ..p }).has_value());
+    }
+
+    #[test]
+    fn lobes_are_chosen_for_the_largest_value() {
+        let (wo, wi) = (Vec3::new(0.342, 0.0, 0.94), Vec3::new(0.468, 0.729, 0.5));
+        for (metallic, specular) in [(0.0, 1.0), (0.3, 0.6), (1.0, 1.0)] {
+            let color = Rgb::new(0.6, 0.3, 0.1);
+            let m = material(MaterialParams {
+                model: Model::Plastic,
+                base_color: color,
+                roughness: 0.6,
+                metallic,
+                specular,
+                ..MaterialParams::default()
+            });
+            let of = |largest: f32| m.bsdf(Vec2::ZERO, largest).pdf(wo, wi);
+            assert_ne!(of(0.2), of(1.5));
+        }
     }
 }

@@ -4,6 +4,7 @@
 //! background's value, is a [`Lighting`](crate::lighting::Lighting) beside it.
 
 pub mod interaction;
+mod lean;
 pub mod material;
 pub mod mesh;
 pub mod relief;

@@ -21,4 +21,6 @@ mod render;
 mod room;
 mod run;
 mod sidecar;
+mod smooth_metal;
 mod stage;
+mod white_sky;

@@ -12,6 +12,9 @@ both pictures and the map of z are written to target/test-out/mitsuba.
 The variances are those of the means over the seeds, not below the picture's median, nor below
 what the other program's samples leave if they are as few; with so few seeds a ratio follows Student's t, so it is first turned
 into the normal deviate of the same probability.
+
+Rough models get the light between their facets that this program has and Mitsuba lacks (facets.py), so
+that what is compared is transport, down to a pixel; `--single` leaves them as the export has them.
 """
 
 import argparse
@@ -104,11 +107,17 @@ def ours(program, name, size, spp, seeds, integrator, directory):
     return Moments(images, spp)
 
 
-def theirs(program, name, size, spp, seeds, directory):
+def theirs(args, name, size, spp, directory):
     out = directory / name
-    run(program, "export", "--format", "mitsuba", "--size", size, "-o", out, scene_file(name))
-    scene = mi.load_file(str(out / "scene.xml"))
-    return Moments([np.array(mi.render(scene, spp=spp, seed=FIRST_SEED + seed)) for seed in range(seeds)], spp)
+    run(args.program, "export", "--format", "mitsuba", "--size", size, "-o", out, scene_file(name))
+    path = out / "scene.xml"
+    if not args.single:
+        import facets  # Its class can only be made once Mitsuba's variant is chosen.
+
+        path = facets.prepare(path, scene_file(name).with_suffix(".mtl"))
+    scene = mi.load_file(str(path))
+    return Moments([np.array(mi.render(scene, spp=spp, seed=FIRST_SEED + seed))
+                    for seed in range(args.seeds)], spp)
 
 
 def normal_deviate(t, dof):
@@ -144,7 +153,7 @@ def compare(args, name, directory):
     our_spp, their_spp = (max(32, int(n * args.scale)) for n in SCENES[name])
     a = ours(args.program, name, args.size, our_spp, args.seeds, args.integrator, directory)
     middle = time.monotonic()
-    b = theirs(args.program, name, args.size, their_spp, args.seeds, directory)
+    b = theirs(args, name, args.size, their_spp, directory)
     end = time.monotonic()
 
     z = z_map(a, b)
@@ -174,11 +183,12 @@ def write_reference(args, name, directory):
     """Mitsuba's mean and the variance of it, for tests that have no Mitsuba."""
     spp = REFERENCE_FACTOR * SCENES[name][1]
     start = time.monotonic()
-    m = theirs(args.program, name, REFERENCE_SIZE, spp, args.seeds, directory)
+    m = theirs(args, name, REFERENCE_SIZE, spp, directory)
     note = {
         "command": f"compare.py --write-references --only {name} --seeds {args.seeds}",
         "mitsuba": f"{mi.__version__} {mi.variant()}",
         "renders": args.seeds,
+        "between_facets": not args.single,
         "seeds": [FIRST_SEED, FIRST_SEED + args.seeds - 1],
         "spp": spp,
         "variance_of_mean": m.total_variance,
@@ -201,6 +211,7 @@ def main():
     parser.add_argument("--size", default="48x36", help="of the pictures (default 48x36)")
     parser.add_argument("--seeds", type=int, default=16, help="renders of each program (default 16)")
     parser.add_argument("--integrator", choices=["bdpt", "path"], default="bdpt", help="ours (default bdpt)")
+    parser.add_argument("--single", action="store_true", help="Mitsuba's own rough models, without light between facets")
     parser.add_argument("--write-references", action="store_true",
                         help="only render with Mitsuba, into tests/mitsuba/references")
     parser.add_argument("--program", default=str(ROOT / "target" / "release" / "lightopt-embree"))

@@ -190,6 +190,20 @@ pub fn smooth_sphere(size: (u32, u32)) -> Scene {
     finish("smooth_sphere", s, m, vec![ceiling_light()], size)
 }
 
+/// Coarse balls with smooth normals, rough and smooth, that lean from many a viewer.
+pub fn coarse_gloss(size: (u32, u32)) -> Scene {
+    let (mut s, mut m) = room();
+    m.push(material("metal", Model::Conductor, [0.9, 0.7, 0.4], 0.4));
+    m.push(material("mirror", Model::Conductor, [0.8, 0.8, 0.9], 0.0));
+    m.push(material("varnish", Model::Plastic, [0.6, 0.2, 0.2], 0.0));
+    m.push(material("glass", Model::Dielectric, [1.0; 3], 0.4));
+    for (i, x) in [-0.6, 0.6].into_iter().enumerate() {
+        s.sphere(Vec3::new(x, 0.4, 0.2), 0.35, 4, true, 3 + i as u32);
+        s.sphere(Vec3::new(x, 1.3, 0.0), 0.35, 4, true, 5 + i as u32);
+    }
+    finish("coarse_gloss", s, m, vec![ceiling_light()], size)
+}
+
 pub fn rough_glass(size: (u32, u32)) -> Scene {
     let (mut s, mut m) = room();
     m.push(material("glass", Model::Dielectric, [1.0; 3], 0.5));
@@ -406,9 +420,10 @@ pub fn dark_box(size: (u32, u32)) -> Scene {
 type Make = fn((u32, u32)) -> Scene;
 
 /// Every kind of material, light and camera.
-pub const ALL: [Make; 12] = [
+pub const ALL: [Make; 13] = [
     cornell,
     smooth_sphere,
+    coarse_gloss,
     rough_glass,
     smooth_glass,
     glossy_floor,

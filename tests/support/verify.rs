@@ -76,8 +76,15 @@ pub fn densities(context: &Context, end: LightEnd, x: &[PathVertex]) -> Vec<f64>
         f64::from(pdf) * f64::from(cos(to, direction(from, to))) / f64::from(distance2(from, to))
     };
     let scattered = |previous: usize, at: usize, next: usize| match &x[at].si {
-        Some(_) if x[at].delta => 1.0,
-        Some(si) => si.scatter(direction(at, previous), direction(at, next), TransportMode::Radiance).pdf.0,
+        Some(si) if x[at].delta => {
+            let is_found = previous > next || !si.is_bent(direction(at, next));
+            f32::from(is_found)
+        }
+        Some(si) => {
+            // The light comes first.
+            let mode = if previous < next { TransportMode::Importance } else { TransportMode::Radiance };
+            si.scatter(direction(at, previous), direction(at, next), mode).pdf.0
+        }
         None => 0.0,
     };
     let (origin, emission) = sampled.pdf_le(&end.at, first);
