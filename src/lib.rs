@@ -134,8 +134,6 @@
 //!   the GPU*, TU Delft 2011.
 //! - \[Veach97\] E. Veach, *Robust Monte Carlo Methods for Light Transport Simulation*,
 //!   Stanford 1997.
-//! - \[Wachter19\] C. Wächter, N. Binder, *A Fast and Robust Method for Avoiding Self-
-//!   Intersection*, Ray Tracing Gems ch. 6, 2019.
 //! - \[Wallace59\] D. Wallace, *Bounds on Normal Approximations to Student's and the
 //!   Chi-Square Distributions*, Ann. Math. Stat. 30, 1959.
 //! - \[Walter07\] B. Walter et al., *Microfacet Models for Refraction through Rough

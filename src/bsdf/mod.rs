@@ -148,6 +148,15 @@ impl Bsdf<'_> {
         sample.map(|s| if flipped { BsdfSample { wi: turn_over(s.wi), ..s } } else { s })
     }
 
+    /// Whether light may leave the surface on the other side.
+    #[must_use]
+    pub fn transmits(&self) -> bool {
+        match self {
+            Self::Dielectric(_) => true,
+            Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Blend(_) => false,
+        }
+    }
+
     /// Whether [`Self::f`] can be non-zero: only then is a connection worth a ray.
     #[must_use]
     pub fn has_non_delta(&self) -> bool {

@@ -96,7 +96,8 @@ fn next_event<const N: usize>(
         if f.value.is_zero() || l.radiance == Rgb::ZERO {
             continue;
         }
-        let passed = context.scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+        let passed =
+            context.scene.transmittance(si.spawn_origin(l.wi), context.scene.light_end(id, &l.at), Some(id));
         if passed == 0.0 {
             continue;
         }

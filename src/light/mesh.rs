@@ -5,7 +5,7 @@ use std::{f32::consts::PI, fmt::Debug, sync::Arc};
 use glam::{Vec2, Vec3};
 
 use super::{Crossing, LightLeSample, LightLiSample, LightPoint};
-use crate::math::{AreaPdf, Discrete, Frame, Rgb, SolidAnglePdf, luminance, sequence::r2, warp};
+use crate::math::{AreaPdf, Discrete, Frame, Rgb, SolidAnglePdf, luminance, offset, sequence::r2, warp};
 
 /// Emission and opacity over a surface, by texture coordinates.
 pub trait EmissionProfile: Debug + Send + Sync {
@@ -141,7 +141,7 @@ impl MeshLight {
     }
 
     fn clear(&self, at: &LightPoint) -> Vec3 {
-        at.p + at.n * self.triangles[at.element as usize].clearance
+        offset(at.p, at.n, self.triangles[at.element as usize].clearance)
     }
 
     pub(super) fn crossing(&self, prim: u32, p: Vec3, uv: Vec2, dir: Vec3, t: f32) -> Option<Crossing> {

@@ -33,7 +33,7 @@ mod sphere;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, luminance};
+use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, luminance, offset};
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
@@ -188,6 +188,18 @@ impl Light {
             Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => None,
         }?;
         (t > 0.0 && t < t_max).then_some(t)
+    }
+
+    /// The point `at` of the light moved toward where it emits, by `clearance`, metres, and by the bound of
+    /// its own rounding. A point light and one at infinity have no surface to be clear of; a point of an
+    /// emissive mesh is clear of it when it is sampled.
+    #[must_use]
+    pub fn clear(&self, at: &LightPoint, clearance: f32) -> Vec3 {
+        match &self.shape {
+            Shape::Planar(s) => offset(at.p, at.n, clearance + s.rounding(at.p)),
+            Shape::Sphere(s) => offset(at.p, at.n, clearance + s.rounding(at.p)),
+            Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => at.p,
+        }
     }
 
     /// Samples a point on the light as seen from `reference`, with a size coordinate drawn from `q`;

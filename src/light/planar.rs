@@ -76,6 +76,14 @@ impl Planar {
         self.center + self.frame.s * x.x + self.frame.t * x.y
     }
 
+    /// Bound of the distance by which rounding may have put the point `p` off the panel, metres: one
+    /// rounding of its coordinates, and a few of the frame's and of the place in it.
+    #[must_use]
+    pub fn rounding(&self, p: Vec3) -> f32 {
+        let in_plane = (self.frame.s.abs() + self.frame.t.abs()) * p.distance(self.center);
+        f32::EPSILON * self.frame.n.abs().dot(p.abs() + 2.0 * in_plane)
+    }
+
     fn profile(&self, cos_theta: f32) -> f32 {
         if cos_theta <= 0.0 { 0.0 } else { self.cone.map_or(1.0, |c| c.profile(cos_theta)) }
     }

@@ -24,6 +24,12 @@ pub struct Sphere {
 }
 
 impl Sphere {
+    /// Bound of the distance by which rounding may have put the point `p` off the sphere, metres: some
+    /// roundings of its coordinates and of the radius.
+    pub(super) fn rounding(&self, p: Vec3) -> f32 {
+        4.0 * f32::EPSILON * p.abs().max(self.center.abs()).max_element()
+    }
+
     pub(super) fn crossing(&self, org: Vec3, dir: Vec3, t_max: f32, extent: f32) -> Option<Crossing> {
         let r = self.radius * extent;
         let oc = org - self.center;

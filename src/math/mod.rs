@@ -7,6 +7,7 @@ pub mod distribution;
 pub mod frame;
 pub mod hash;
 pub mod node_rgb;
+pub mod offset;
 pub mod pdf;
 pub mod rgb;
 pub mod sequence;
@@ -17,6 +18,7 @@ pub use bounds::Bounds;
 pub use distribution::Discrete;
 pub use frame::Frame;
 pub use node_rgb::NodeRgb;
+pub use offset::offset;
 pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};
 pub use rgb::{Rgb, luminance};
 

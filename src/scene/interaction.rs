@@ -1,30 +1,20 @@
 //! A point of a surface, ready to scatter light.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::lean;
 use crate::{
     bsdf::{Affine, Bsdf, Scattering, TransportMode, adjoint_cosine},
-    math::{Frame, SolidAnglePdf},
+    math::{Frame, SolidAnglePdf, offset},
 };
-
-/// Units in the last place, of half an epsilon each, of the largest coordinate of a triangle: 7 for
-/// the interpolated point, as many for the query, rounded up.
-const ROUNDING_UNITS: f32 = 16.0;
-/// Coordinates below it are offset by an absolute distance, metres \[Wachter19\].
-const NEAR_ORIGIN: f32 = 1.0 / 32.0;
-/// Offset of a coordinate near the origin, metres \[Wachter19\].
-const OFFSET_NEAR_ORIGIN: f32 = 1.0 / 65536.0;
-/// Offset of other coordinates, units in the last place \[Wachter19\].
-const OFFSET_UNITS: f32 = 256.0;
 
 /// A point of a surface with its normals and its BSDF.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceInteraction<'a> {
     /// Position, metres.
     pub p: Vec3,
-    /// Bound of the distance by which rounding may have put `p` off its triangle, metres.
-    pub p_error: f32,
+    /// Height above the triangle from which on a ray is clear of it, metres: see [`clearance_at`].
+    pub clearance: f32,
     /// Unit geometric normal, in the hemisphere of the shading normal.
     pub ng: Vec3,
     /// Shading frame: +z is the shading normal, tilted where the material has a relief.
@@ -73,14 +63,16 @@ impl SurfaceInteraction<'_> {
     }
 
     /// Whether the directions to the camera and to the light are on the same side of the surface with and
-    /// without its relief; `frame` is that of the camera's direction. One that is not takes no part in
-    /// scattering, whichever end of the path it belongs to: so nothing leaks through a closed surface, and
-    /// both modes of transport agree.
+    /// without its relief and, where nothing is transmitted, of the triangle itself; `frame` is that of the
+    /// camera's direction, in which the surface scatters. One that is not takes no part in scattering,
+    /// whichever end of the path it belongs to: so no light passes an opaque surface, and both modes of
+    /// transport agree.
     fn is_consistent(&self, to_camera: Vec3, to_light: Vec3, frame: &Frame) -> bool {
+        let seen = frame.n.dot(to_camera);
         self.untilted.is_none_or(|n| {
-            n.dot(to_camera) * frame.n.dot(to_camera) > 0.0
-                && n.dot(to_light) * self.frame.n.dot(to_light) > 0.0
-        })
+            n.dot(to_camera) * seen > 0.0 && n.dot(to_light) * self.frame.n.dot(to_light) > 0.0
+        }) && (self.bsdf.transmits()
+            || self.ng.dot(to_camera) * seen > 0.0 && self.ng.dot(to_light) * frame.n.dot(to_light) > 0.0)
     }
 
     /// BSDF without cosine and densities, in a frame.
@@ -152,45 +144,55 @@ impl SurfaceInteraction<'_> {
     #[must_use]
     pub fn spawn_origin(&self, w: Vec3) -> Vec3 {
         let n = if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng };
-        offset_origin(self.p + n * self.p_error, n)
+        offset(self.p, n, self.clearance)
     }
 }
 
-/// Bound of the distance by which rounding may separate a triangle from a point interpolated on it
-/// and from a ray that starts there, metres.
+/// Height above a triangle, metres, from which on a ray that starts near the rounded point `p` of its
+/// plane is clear of it.
 ///
-/// Both the interpolation and the ray's query, which takes corners relative to
-/// the origin, round by the coordinates of the corners, however small those of
-/// the point are. \[PBRT4\] 6.8.5 bounds the former by 7 units in the last place;
-/// as many again for the latter.
-pub(super) fn rounding_of(corners: [Vec3; 3]) -> f32 {
-    ROUNDING_UNITS * (f32::EPSILON / 2.0) * largest_coordinate(corners)
+/// The coordinates of `p` are off by half a unit in the last place each \[PBRT4\] 6.8.5. Embree takes
+/// corners relative to the ray's origin, so that what it makes of the height is off by the triangle's
+/// extent, not by its place: with E the sides of the bounding box, n the unit normal and A the area by
+/// up to (Σ E·|n| + 3 E_x E_y E_z / A) half epsilons, of which random triangles, slivers among them,
+/// reached a quarter. Twice as much is taken. What lies along the axes is exact, of any size.
+pub(super) fn clearance_at(corners: [Vec3; 3], p: Vec3) -> f32 {
+    let n = face_normal64(corners);
+    clearance(corners, n, n.length(), p)
 }
 
-fn largest_coordinate(corners: [Vec3; 3]) -> f32 {
-    corners.iter().map(|c| c.abs().max_element()).fold(0.0, f32::max)
+/// [`clearance_at`] with the normal `n` of length `twice_area`.
+fn clearance(corners: [Vec3; 3], n: DVec3, twice_area: f64, p: Vec3) -> f32 {
+    let [a, b, c] = corners;
+    let extent = (a.max(b).max(c) - a.min(b).min(c)).as_dvec3();
+    let of_query = extent.dot(n.abs()) + 6.0 * extent.x * extent.y * extent.z;
+    let of_point = 0.5 * p.abs().as_dvec3().dot(n.abs());
+    if twice_area > 0.0 {
+        (f64::from(f32::EPSILON) * (of_query + of_point) / twice_area) as f32
+    } else {
+        f32::EPSILON * (p.abs().max_element() + extent.as_vec3().max_element())
+    }
 }
 
-/// Distance from a triangle at which a ray that starts at any point of it is clear of it, metres.
-pub fn clearance_of(corners: [Vec3; 3]) -> f32 {
-    let offset = (OFFSET_UNITS * f32::EPSILON * largest_coordinate(corners)).max(OFFSET_NEAR_ORIGIN);
-    rounding_of(corners) + offset
-}
-
-/// Moves `p` off its surface along `n` by a distance that scales with the
-/// rounding error of `p`.
-///
-/// \[Wachter19\] listing 6-1: 256 units in the last place of each coordinate,
-/// or an absolute distance near the origin, where these vanish.
+/// Height above a triangle, metres, at which a ray that starts at any point of it is clear of it.
 #[must_use]
-pub fn offset_origin(p: Vec3, n: Vec3) -> Vec3 {
-    let offset = |p: f32, n: f32| {
-        if p.abs() < NEAR_ORIGIN {
-            p + OFFSET_NEAR_ORIGIN * n
-        } else {
-            let steps = (OFFSET_UNITS * n) as i32;
-            f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
-        }
-    };
-    Vec3::new(offset(p.x, n.x), offset(p.y, n.y), offset(p.z, n.z))
+pub fn clearance_of(corners: [Vec3; 3]) -> f32 {
+    let [a, b, c] = corners;
+    clearance_at(corners, a.abs().max(b.abs()).max(c.abs()))
+}
+
+/// A point of a triangle that is interpolated so that it is off by one rounding of each coordinate, the
+/// unit normal, and the point's [`clearance_at`].
+pub(super) fn point_of(corners: [Vec3; 3], u: f32, v: f32) -> (Vec3, Option<Vec3>, f32) {
+    let [a, b, c] = corners.map(|c| c.as_dvec3());
+    let p = (a + (b - a) * f64::from(u) + (c - a) * f64::from(v)).as_vec3();
+    let n = (b - a).cross(c - a);
+    let twice_area = n.length();
+    let ng = (twice_area > 0.0).then(|| (n / twice_area).as_vec3());
+    (p, ng, clearance(corners, n, twice_area, p))
+}
+
+fn face_normal64(corners: [Vec3; 3]) -> DVec3 {
+    let [a, b, c] = corners.map(|c| c.as_dvec3());
+    (b - a).cross(c - a)
 }

@@ -9,6 +9,7 @@ pub mod material;
 pub mod mesh;
 pub mod relief;
 pub mod texture;
+mod visibility;
 
 use glam::{Vec2, Vec3};
 
@@ -22,13 +23,10 @@ use crate::{
     },
 };
 
-pub use interaction::{ScatterSample, SurfaceInteraction, offset_origin};
+pub use interaction::{ScatterSample, SurfaceInteraction};
 pub use material::Material;
 pub use mesh::Mesh;
 
-/// Fraction of a connection's length that its shadow ray covers. Light that leaks past what stands
-/// in the rest, against self-shadowing of the far surface, whose point rounding may put in front of it.
-const SHADOW_LENGTH: f32 = 1.0 - 1e-4;
 /// Partly transparent surfaces that a ray passes, at most. It only ends rays that a stack of cut-outs
 /// traps: after 1024 layers of opacity 0.05 a share of 10⁻²³ of the light is left.
 const MAX_LAYERS: u32 = 1024;
@@ -69,6 +67,8 @@ pub struct Scene {
     is_translucent: bool,
     /// Number of lights whose bodies block rays.
     n_occluders: usize,
+    /// Height above each light at which a ray starts clear of the surfaces that the light lies on, metres.
+    light_clearances: Vec<f32>,
 }
 
 /// An edge of a path: a ray up to the surface or light that blocks it, or to infinity.
@@ -78,7 +78,8 @@ pub struct Edge<'a> {
     pub org: Vec3,
     /// Unit direction.
     pub dir: Vec3,
-    /// Surface at the end; `None` if a light blocks the ray, or nothing does.
+    /// Surface at the end; `None` if a light blocks the ray, or nothing does, or if rounding has put the
+    /// point behind another surface.
     pub hit: Option<SurfaceHit<'a>>,
     /// Length, metres; infinite when nothing blocks the ray.
     pub t_max: f32,
@@ -129,6 +130,7 @@ impl Scene {
             is_background: vec![false; materials.len()],
             is_translucent: materials.iter().any(Material::is_translucent),
             n_occluders: lights.iter().filter(|l| l.occludes).count(),
+            light_clearances: lights.iter().map(|l| visibility::clearance_over(l, &mesh)).collect(),
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],
@@ -178,8 +180,9 @@ impl Scene {
     pub fn trace(&self, org: Vec3, dir: Vec3, origin: Option<LightId>, sampling_value: f32) -> Edge<'_> {
         let hit =
             self.first_surface(org, dir, sampling_value, |opacity, prim| opacity >= uniform(org, dir, prim));
-        let mut edge =
-            Edge { org, dir, hit, t_max: hit.map_or(f32::INFINITY, |hit| hit.t), blocked_by: None };
+        let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
+        let hit = hit.and_then(|hit| self.settle(org, dir, hit));
+        let mut edge = Edge { org, dir, hit, t_max, blocked_by: None };
         if let Some((light, t)) = self.first_occluder(org, dir, edge.t_max, origin) {
             edge = Edge { hit: None, t_max: t, blocked_by: Some(light), ..edge };
         }
@@ -236,11 +239,10 @@ impl Scene {
     fn surface(&self, hit: &Hit, dir: Vec3, sampling_value: f32) -> SurfaceHit<'_> {
         let triangle = hit.prim as usize;
         let [i, j, k] = self.mesh.indices[triangle].map(|i| i as usize);
-        let [a, b, c] = [self.mesh.positions[i], self.mesh.positions[j], self.mesh.positions[k]];
         let (u, v) = (hit.u, hit.v);
         let w = 1.0 - u - v;
-        let p = a * w + b * u + c * v;
-        let ng = mesh::face_normal([a, b, c]).normalize_or(-dir);
+        let (p, ng, clearance) = interaction::point_of(self.mesh.corners(triangle), u, v);
+        let ng = ng.unwrap_or(-dir);
         let ns = (self.mesh.normals[i] * w + self.mesh.normals[j] * u + self.mesh.normals[k] * v)
             .try_normalize()
             .unwrap_or(ng);
@@ -253,7 +255,7 @@ impl Scene {
         let tilted = surface.relief().map(|r| relief::tilt(r, &self.mesh, triangle, uv, ns));
         let si = SurfaceInteraction {
             p,
-            p_error: interaction::rounding_of([a, b, c]),
+            clearance,
             ng,
             frame: Frame::from_normal(tilted.unwrap_or(ns)),
             untilted: tilted.map(|_| ns),
@@ -277,46 +279,6 @@ impl Scene {
         if self.is_background[material] { value } else { 1.0 }
     }
 
-    /// Transmittance in [0, 1] of the open segment from `from` to `to`: the product of 1 − opacity over
-    /// the surfaces between, 0 where a light but `except` blocks it. Both ends must already be clear of
-    /// their own surfaces.
-    #[must_use]
-    pub fn transmittance(&self, from: Vec3, to: Vec3, except: Option<LightId>) -> f32 {
-        let d = to - from;
-        if self.n_occluders > 0 {
-            let length = d.length();
-            if self.first_occluder(from, d / length, length * SHADOW_LENGTH, except).is_some() {
-                return 0.0;
-            }
-        }
-        if !self.is_translucent {
-            let is_blocked =
-                self.accel.occluded(&Ray { org: from, dir: d, t_min: 0.0, t_max: SHADOW_LENGTH });
-            return if is_blocked { 0.0 } else { 1.0 };
-        }
-        let dir = d.normalize_or_zero();
-        let mut org = from;
-        let mut passed = 1.0;
-        for _ in 0..MAX_LAYERS {
-            let t_max = (to - org).dot(dir) - d.length() * (1.0 - SHADOW_LENGTH);
-            if t_max <= 0.0 {
-                return passed;
-            }
-            let Some(hit) = self.accel.intersect(&Ray { org, dir, t_min: 0.0, t_max }) else { return passed };
-            let hit = self.surface(&hit, dir, 1.0);
-            let material = &self.materials[hit.material as usize];
-            if !material.is_translucent() {
-                return 0.0;
-            }
-            passed *= 1.0 - material.opacity(hit.uv);
-            if passed <= 0.0 {
-                return 0.0;
-            }
-            org = hit.si.spawn_origin(dir);
-        }
-        0.0
-    }
-
     /// Calls `f` for every light that an edge crosses, the one at its end included; `sizes` gives the
     /// extent of each light.
     pub fn for_each_crossing(
@@ -327,8 +289,7 @@ impl Scene {
     ) {
         for ((i, light), q) in self.lights.iter().enumerate().zip(sizes) {
             let i = i as LightId;
-            // The body of a light that ends the edge lies where its crossing does.
-            let t_max = if edge.blocked_by == Some(i) { edge.t_max * 1.0001 } else { edge.t_max };
+            let t_max = self.crossing_limit(edge, i);
             if let Some(c) = light.crossing(edge.org, edge.dir, t_max, q.extent()) {
                 f(i, light, &c);
             }

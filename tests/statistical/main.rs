@@ -9,6 +9,7 @@ mod gradient;
 mod light;
 mod mitsuba;
 mod noise;
+mod opaque;
 mod render_errors;
 mod spawn;
 mod surroundings;

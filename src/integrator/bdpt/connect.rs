@@ -33,7 +33,8 @@ pub fn next_event<const N: usize>(
         if f.value.is_zero() || l.radiance == Rgb::ZERO {
             continue;
         }
-        let passed = context.scene.transmittance(si.spawn_origin(l.wi), l.at.p, Some(id));
+        let passed =
+            context.scene.transmittance(si.spawn_origin(l.wi), context.scene.light_end(id, &l.at), Some(id));
         if passed == 0.0 {
             continue;
         }
@@ -184,7 +185,7 @@ fn light_to_camera<const N: usize>(
     let Some(l) = sampled.sample_li(camera[0].p, u) else { return };
     let Some(c) = context.camera.sample_wi(camera[0].p, l.at.p) else { return };
     let p_nee = context.samples_at(0) * l.pdf.0 * pmf.0;
-    let passed = context.scene.transmittance(camera[0].p, l.at.p, Some(id));
+    let passed = context.scene.transmittance(camera[0].p, context.scene.light_end(id, &l.at), Some(id));
     let value = NodeRgb::<N>::ONE.times(l.radiance * (passed * c.we.0 / p_nee));
     if value.is_zero() {
         return;

@@ -121,7 +121,7 @@ pub fn trace_light<'a, const N: usize>(
         mis: Partial::default(),
     });
     let walk = Walk {
-        org: e.at.p,
+        org: context.scene.light_end(id, &e.at),
         dir: e.dir,
         beta: NodeRgb::ONE.times(e.radiance * (cos / (n * origin * e.pdf_dir.0))),
         pdf: e.pdf_dir,
