@@ -5,12 +5,12 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
-use lightopt_embree::cli::{Cli, exit_code, interrupted, run};
+use lightopt_embree::cli::{Cli, catch_signals, exit_code, interrupted, run};
 
 fn main() -> ExitCode {
     // Usage errors and --help end here, with 2 and 0.
     let cli = Cli::parse();
-    match run(&cli) {
+    match catch_signals().map_err(Into::into).and_then(|()| run(&cli)) {
         Ok(()) => exit_code(),
         Err(error) => {
             // Not `eprintln!`, which panics when standard error is closed.

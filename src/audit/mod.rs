@@ -96,6 +96,8 @@ impl RunDir {
         let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
         let lock = lock(path)?;
+        // Another run may have been recorded here since.
+        Self::check(path, force)?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
             let entry = entry.map_err(fail("read the directory"))?;
             let name = entry.file_name();

@@ -30,7 +30,7 @@ pub fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
         }
     }
     let console = Console::new();
-    signals::catch("ending after the present picture")?;
+    signals::end_in_order("ending after the present picture");
     let done = args.transport.in_pool(|| {
         let mut workshop = Workshop::open(args, Settings::of(args), &parts, &console)?;
         workshop.make(&parts)

@@ -20,7 +20,7 @@ use clap::{Parser, Subcommand};
 
 use common::{LuminanceArg, parse_exposure};
 use output::print;
-pub use signals::{exit_code, received as interrupted};
+pub use signals::{catch as catch_signals, exit_code, received as interrupted};
 
 /// Automatic, aesthetics-driven lighting design with global illumination.
 #[derive(Debug, Parser)]

@@ -16,11 +16,14 @@ use crate::{
     audit::picture,
     design::{
         Reporter,
-        render::{Budget, Renderer},
+        render::{Budget, PassedPicture, Renderer},
     },
     files::atomic::probe,
-    film::{exr::write_exr, image_file::write_png},
-    integrator::{View, aov},
+    film::{
+        exr::{write_exr, write_exr_plain},
+        image_file::write_png,
+    },
+    integrator::{Observer, View, aov},
     lighting::SamplingPlan,
     math::display::LuminanceMode,
 };
@@ -34,7 +37,10 @@ use crate::{
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree render -o basket.png fruit_basket.obj\n  \
-    lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj")]
+    lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj\n\n\
+    Ctrl-C, SIGTERM or SIGHUP ends within two seconds and writes the picture as far as it is, marked\n\
+    incomplete; twice quits at once.\n\
+    Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RenderArgs {
     /// Scene to render: Wavefront OBJ or glTF, with its sidecar
     #[arg(value_name = "SCENE")]
@@ -85,13 +91,14 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     }
     probe(&output)?;
     let console = Console::new();
-    signals::catch("stopping")?;
     let result = args.transport.in_pool(|| {
         let scene = load_scene(&args.scene, |w| console.note(w))?.scene;
         let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
         let view = View { scene: &scene, camera: &camera };
-        console.stage("rendering", Some(u64::from(camera.size().y)));
+        let aovs = aov::trace(view, lighting.value as f32);
+        signals::end_in_order("keeping the picture as far as it is");
+        console.stage("rendering", Some(u64::from(camera.size().y) * u64::from(args.spp)));
         let renderer = Renderer {
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
@@ -99,25 +106,33 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         };
         let budget = Budget { seed: args.transport.seed, spp: args.spp, n_replicates: 1 };
         let plan = SamplingPlan::for_picture(&lighting);
-        let picture = renderer.render(view, &lighting, &plan, budget, &console)?.picture;
+        let is_over = || console.cancelled();
+        let PassedPicture { picture, spp } =
+            renderer.render_in_passes(view, &lighting, &plan, budget, &is_over, &console)?;
+        let is_whole = spp == args.spp;
+        if !is_whole {
+            console.note(&format!("{spp} of {} samples a pixel", args.spp));
+        }
         let exposure = lighting.exposure;
         if is_png {
             write_png(&output, &picture::beauty(&picture), exposure)?;
         } else {
             let names = scene.light_names();
-            let attribute = json!({
+            let mut attribute = json!({
                 "scene": scene.name,
                 "exposure": exposure,
                 "luminance": renderer.luminance,
                 "integrator": renderer.integrator.kind,
-                "spp": args.spp,
+                "spp": spp,
                 "seed": args.transport.seed,
                 "version": env!("CARGO_PKG_VERSION"),
                 "commit": env!("LIGHTOPT_COMMIT"),
             });
-            let aovs = aov::trace(view, lighting.value as f32);
+            if !is_whole {
+                attribute["incomplete"] = true.into();
+            }
             let exr = picture::exr(&picture, &aovs, &names, exposure, renderer.luminance, attribute);
-            write_exr(&output, &exr)?;
+            if is_whole { write_exr(&output, &exr) } else { write_exr_plain(&output, &exr) }?;
         }
         Ok(())
     });

@@ -193,9 +193,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     }
     let scene_path = import::find(&args.scene)?;
     let console = Console::new();
-    signals::catch("keeping what is found so far")?;
     let done = args.transport.in_pool(|| {
         let Loaded { scene, constraints, staging, .. } = load_scene(&args.scene, |w| console.note(w))?;
+        signals::end_in_order("keeping what is found so far");
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {

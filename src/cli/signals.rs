@@ -1,39 +1,85 @@
-//! Ctrl-C and its like: the first ends the work in order, the second the program.
+//! Signals: Ctrl-C and its like end the work, in order where there is something to keep.
 
 use std::{
+    fs,
     io::{self, Write},
     process::ExitCode,
-    sync::atomic::{AtomicI32, Ordering},
+    sync::{
+        OnceLock,
+        atomic::{AtomicI32, Ordering},
+    },
     thread,
+    time::Duration,
 };
 
 use signal_hook::{
-    consts::{SIGHUP, SIGINT, SIGTERM},
+    consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ},
     iterator::Signals,
+    low_level,
 };
+
+use crate::files::atomic::abandon;
+
+/// Time that work which ends in order may take for it: a bit less than the two seconds that people
+/// and service managers are promised.
+const PATIENCE: Duration = Duration::from_millis(1800);
 
 /// The signal that ends the work; 0 as long as there was none.
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
+/// What the first signal does, in words, once there is something to keep.
+static IN_ORDER: OnceLock<&'static str> = OnceLock::new();
 
-/// Makes SIGINT (Ctrl-C), SIGTERM and SIGHUP end the work in order, as `what` says; a second signal
-/// ends the program at once. Files are whole in both cases: they take their names when they are.
+/// Makes SIGINT (Ctrl-C), SIGTERM and SIGHUP end the program with the exit status 128 and their number:
+/// at once or, after [`end_in_order`], as that says. Files are whole in any case: they take their names
+/// when they are. A SIGHUP that was ignored at the start, as by `nohup`, stays so. A file that grows
+/// beyond a limit of its size is an error like a full disk, and no signal.
 ///
 /// # Errors
 /// When the handler cannot be installed.
-pub fn catch(what: &'static str) -> io::Result<()> {
-    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])?;
+pub fn catch() -> io::Result<()> {
+    let all = [SIGINT, SIGTERM, SIGHUP, SIGXFSZ];
+    let mut signals = Signals::new(all.iter().filter(|&&s| s != SIGHUP || !is_ignored(s)))?;
     thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        for signal in signals.forever() {
-            if RECEIVED.swap(signal, Ordering::Relaxed) != 0 {
-                std::process::exit(status_of(signal));
+        for signal in signals.forever().filter(|&signal| signal != SIGXFSZ) {
+            let is_first = RECEIVED.swap(signal, Ordering::Relaxed) == 0;
+            match IN_ORDER.get() {
+                Some(what) if is_first => {
+                    let _ = writeln!(io::stderr(), "\ninterrupted: {what} (again to quit at once)");
+                    thread::spawn(move || {
+                        thread::sleep(PATIENCE);
+                        quit(signal);
+                    });
+                }
+                _ => quit(signal),
             }
-            let _ = writeln!(io::stderr(), "\ninterrupted: {what} (again to quit at once)");
         }
     })?;
     Ok(())
 }
 
-/// Whether a signal came.
+/// Lets the first signal from now on end the work in order, which asks [`received`]; `what` says how. What
+/// has not ended after [`PATIENCE`], and a second signal, end the program at once.
+pub fn end_in_order(what: &'static str) {
+    // Whoever comes first has said it.
+    let _ = IN_ORDER.set(what);
+}
+
+/// Ends the program at once, without what is half-written.
+fn quit(signal: i32) {
+    abandon();
+    // Not `std::process::exit`, which runs what libraries left to be done while their threads go on.
+    low_level::exit(status_of(signal));
+}
+
+/// Whether a signal was ignored when the program started; false where that cannot be known.
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
+}
+
+/// Whether a signal came that ends the work.
 #[must_use]
 pub fn received() -> bool {
     RECEIVED.load(Ordering::Relaxed) != 0

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{
     Progress, Reporter, RunError,
     observer::Unstoppable,
-    pictures::attribute,
+    pictures::{attribute, write_lights},
     precision::{MAX_SAMPLES, Precision},
     render::{Budget, MeasuredPicture},
     seeds::{Purpose, seed_for},
@@ -328,6 +328,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         }))?;
         if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
             self.record_iteration(u, line, &rendered, &measured.plain)?;
+            write_lights(self.task, u, self.setup)?;
             self.best = Some((f_q, u.to_vec()));
         }
         self.reporter.evaluated(&Progress {

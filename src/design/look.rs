@@ -162,7 +162,11 @@ impl LookSearch<'_, '_> {
         self.log_time("record", clock)?;
         let clock = Instant::now();
         let [whole, reduced] = evaluators(now, setup, self.task);
-        let reach = attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?;
+        let reach = match cut_short {
+            // Whoever interrupts does not wait for it.
+            Some(StopReason::Interrupted) => Vec::new(),
+            _ => attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?,
+        };
         self.log_time("attainability", clock)?;
         let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
         Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach }))

@@ -11,7 +11,10 @@ use super::{
 };
 use crate::{
     audit::{lights::LightsFile, picture, write_whole},
-    film::{exr::write_exr, image_file::write_png},
+    film::{
+        exr::{write_exr, write_exr_plain},
+        image_file::write_png,
+    },
     integrator::{RenderError, View, aov},
     lighting::SamplingPlan,
     objective::{Evaluation, Objective, Target},
@@ -64,10 +67,16 @@ fn take_one(
     setup: Setup,
     reporter: &impl Reporter,
 ) -> Result<Option<Last>, RunError> {
+    if reporter.cancelled() {
+        return Ok(None);
+    }
     let (options, scene) = (setup.options, setup.scene);
     let lighting = setup.lighting(u);
     let camera = scene.camera.resized(options.size);
     let view = View { scene, camera: &camera };
+    // Before the samples: whoever interrupts those waits no longer than he must.
+    let aovs = aov::trace(view, lighting.value as f32);
+    let objective = Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask)?;
     let rows = u64::from(options.size.y) * u64::from(spp);
     reporter.stage(&format!("{name} picture"), Some(rows));
     let budget = Budget { seed: options.seed, spp, n_replicates: 1 };
@@ -82,8 +91,6 @@ fn take_one(
     if taken < spp {
         reporter.note(&format!("{name} picture: {taken} of {spp} samples a pixel"));
     }
-    let aovs = aov::trace(view, lighting.value as f32);
-    let objective = Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask)?;
     let display = options.luminance.encode_image(&rendered.rgb, lighting.exposure);
     let evaluation = objective.evaluate(&display);
     let mut attribute = attribute(setup, &task.job.target, u, &evaluation, taken);
@@ -93,7 +100,8 @@ fn take_one(
     let names = scene.light_names();
     let exr = picture::exr(&rendered, &aovs, &names, lighting.exposure, options.luminance, attribute);
     let out = &task.job.out;
-    write_exr(&out.join(format!("{name}.exr")), &exr)?;
+    let write = if taken < spp { write_exr_plain } else { write_exr };
+    write(&out.join(format!("{name}.exr")), &exr)?;
     write_png(&out.join(format!("{name}.png")), &picture::beauty(&rendered), lighting.exposure)?;
     Ok(Some(Last { evaluation, spp: taken }))
 }

@@ -100,6 +100,9 @@ impl Renderer {
 
 /// Time that a pass of a picture should take: an interrupt waits for no more.
 const PASS: Duration = Duration::from_millis(700);
+/// Time of one sample per pixel from which an interrupt does not wait for the end of a pass: the film is
+/// then copied before each, which takes some hundredths of that time, and the memory of a film.
+const SLOW: Duration = Duration::from_secs(1);
 
 /// A picture that was rendered in passes.
 #[derive(Debug)]
@@ -113,11 +116,11 @@ pub struct PassedPicture {
 impl Renderer {
     /// Renders the picture of a lighting in passes, of `budget.spp` samples per pixel in all or, once
     /// `is_over` says so between two passes, of those so far. The passes do not change the picture:
-    /// its samples are added in the same order. The observer may cancel the first pass only, after
-    /// which there is a picture.
+    /// its samples are added in the same order. Where the observer cancels a pass, the picture is that of
+    /// the passes before it.
     ///
     /// # Errors
-    /// As [`Integrator::render`].
+    /// As [`Integrator::render`]; cancelled only where there is no picture yet.
     pub fn render_in_passes(
         &self,
         view: View,
@@ -130,14 +133,24 @@ impl Renderer {
         let mut film = RgbFilm::by_light(view.camera.size(), lighting);
         let all = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count: budget.spp.max(1) };
         let (mut spp, mut count) = (0, 1);
+        let mut before: Option<RgbFilm> = None;
         while spp < all.count && !(spp > 0 && is_over()) {
             let clock = Instant::now();
             let samples = Samples { first: spp, count: count.min(all.count - spp), ..all.replicate(0) };
-            let each = EachSample { observer, count: u64::from(samples.count), may_stop: spp == 0 };
-            self.integrator.render(view, lighting, plan, &mut film, samples, &each)?;
+            let may_stop = spp == 0 || before.is_some();
+            let each = EachSample { observer, count: u64::from(samples.count), may_stop };
+            match self.integrator.render(view, lighting, plan, &mut film, samples, &each) {
+                Err(RenderError::Cancelled) if spp > 0 => {
+                    film = before.unwrap_or(film);
+                    break;
+                }
+                other => other?,
+            }
             spp += samples.count;
             let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);
             count = (PASS.as_secs_f64() / per_sample.max(1e-9)).clamp(1.0, 1e6) as u32;
+            drop(before.take());
+            before = (per_sample > SLOW.as_secs_f64() && spp < all.count).then(|| film.clone());
         }
         Ok(PassedPicture { picture: film.develop(lighting, spp), spp })
     }

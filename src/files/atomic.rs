@@ -10,6 +10,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::process;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use thiserror::Error;
@@ -30,11 +31,27 @@ pub struct AtomicWriteError {
 /// Number of temporary files that this process has made, which tells their names apart.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
 
+/// Paths of the temporary files that are being written.
+static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
 /// A temporary file that is removed when dropped, also by a panic of the writer.
 struct Temporary {
     path: PathBuf,
     /// Whether the file still has its temporary name.
     armed: bool,
+}
+
+impl Temporary {
+    /// Makes a file that must not exist yet.
+    fn create(path: PathBuf) -> io::Result<(Self, File)> {
+        // Listed first: once `abandon` has begun, no file is made any more.
+        if let Ok(mut open) = OPEN.lock() {
+            open.push(path.clone());
+        }
+        let file = OpenOptions::new().write(true).create_new(true).open(&path);
+        let temporary = Self { path, armed: file.is_ok() };
+        Ok((temporary, file?))
+    }
 }
 
 impl Drop for Temporary {
@@ -43,6 +60,18 @@ impl Drop for Temporary {
             // Nothing more can be done about a failure here; the first error is reported.
             let _ = fs::remove_file(&self.path);
         }
+        if let Ok(mut open) = OPEN.lock() {
+            open.retain(|path| *path != self.path);
+        }
+    }
+}
+
+/// Removes all temporary files and lets no more be made, for a process that ends at once: every
+/// [`write_atomically`] that would begin after it waits for ever.
+pub fn abandon() {
+    if let Ok(open) = OPEN.lock() {
+        open.iter().for_each(|path| drop(fs::remove_file(path)));
+        std::mem::forget(open);
     }
 }
 
@@ -77,12 +106,7 @@ where
     temporary_name.push(format!(".{}-{count}.tmp", process::id()));
     let temporary_path = directory.join(temporary_name);
 
-    let file = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(&temporary_path)
-        .map_err(fail("create the file"))?;
-    let mut temporary = Temporary { path: temporary_path, armed: true };
+    let (mut temporary, file) = Temporary::create(temporary_path).map_err(fail("create the file"))?;
     if let Some(permissions) = permissions {
         file.set_permissions(permissions.clone()).map_err(fail("set the permissions"))?;
     }
@@ -145,7 +169,7 @@ fn parse_temporary(name: &str) -> Option<(&str, &str)> {
 }
 
 /// Checks whether a file can be written at `path`, before the long work whose result goes
-/// there. An existing file is left as it is.
+/// there. An existing file is left as it is; what dead processes left of it is removed.
 ///
 /// # Errors
 /// When [`write_atomically`] would fail, with its error.
@@ -153,6 +177,10 @@ pub fn probe(path: &Path) -> Result<(), AtomicWriteError> {
     if path.is_dir() {
         let source = io::Error::new(io::ErrorKind::IsADirectory, "it is a directory");
         return Err(AtomicWriteError { path: path.into(), action: "create the file", source });
+    }
+    if let (Some(directory), Some(name)) = (path.parent(), path.file_name()) {
+        let directory = if directory.as_os_str().is_empty() { Path::new(".") } else { directory };
+        sweep(directory, |destination| name == destination);
     }
     enum Probe {
         Possible,

@@ -63,6 +63,20 @@ pub struct Picture {
     pub lights: Vec<Vec<[f32; 3]>>,
 }
 
+impl<const N: usize> Clone for RgbFilm<N> {
+    fn clone(&self) -> Self {
+        let Self { size, routes, scales, sums, splats, non_finite } = self;
+        Self {
+            size: *size,
+            routes: routes.clone(),
+            scales: scales.clone(),
+            sums: sums.clone(),
+            splats: splats.clone(),
+            non_finite: AtomicU64::new(non_finite.load(Ordering::Relaxed)),
+        }
+    }
+}
+
 impl RgbFilm {
     /// A film of `size` pixels for a picture of each light at unit radiance, at its size in
     /// `lighting`, whose radiances and exposure only place the fixed-point scale of the splats.

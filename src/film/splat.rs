@@ -21,6 +21,13 @@ pub struct SplatBuffer {
     overflows: AtomicU64,
 }
 
+impl Clone for SplatBuffer {
+    fn clone(&self) -> Self {
+        let copy = |value: &AtomicU64| AtomicU64::new(value.load(Ordering::Relaxed));
+        Self { cells: self.cells.iter().map(copy).collect(), overflows: copy(&self.overflows) }
+    }
+}
+
 impl SplatBuffer {
     /// A buffer of `n` RGB cells that are zero.
     #[must_use]
