@@ -80,8 +80,8 @@ fn signals_end_a_run_in_order_and_keep_what_is_found() {
 
 /// What the program does until it is told to end, and what it says when that is a stage of its own.
 const STAGES: [(&[&str], &str); 7] = [
-    (&["--work-size", "1280x960", "--spp", "4096"], "survey"),
-    (&["--work-size", "1280x960", "--spp", "4096"], "rendering the transport basis"),
+    (&["--work-size", "160x120", "--spp", "65536"], "survey"),
+    (&["--work-size", "160x120", "--spp", "65536"], "rendering the transport basis"),
     (&["--work-size", "320x240", "--spp", "4", "--tolerance", "0.0001"], "searching the basis"),
     (&["--work-size", "32x24", "--tolerance", "0.00001"], "checking the result"),
     (&["--work-size", "32x24", "--tolerance", "0.5", "--size", "2048x1536"], "initial picture"),
