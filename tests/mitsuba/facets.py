@@ -258,7 +258,7 @@ class Bent(mi.BSDF):
     def __init__(self, props):
         mi.BSDF.__init__(self, props)
         self.nested = next(props[name] for name in props.keys() if isinstance(props[name], mi.BSDF))
-        self.reflects = props["reflects"]
+        self.reflects, self.transmits = props["reflects"], props["transmits"]
         self.m_components = [self.nested.flags(i) for i in range(self.nested.component_count())]
         self.m_flags = self.nested.flags()
 
@@ -288,23 +288,30 @@ class Bent(mi.BSDF):
         seen.wi = frame.to_local(w)
         return seen, frame
 
+    def is_consistent(self, si, frame, wo):
+        """Whether light comes from one side of an opaque face by both normals."""
+        if self.transmits:
+            return mi.Bool(True)
+        g = si.to_local(si.n)
+        return dr.dot(wo, g) * g.z * dr.dot(wo, frame.n) > 0
+
     def sample(self, ctx, si, sample1, sample2, active=True):
         seen, frame = self.seen(si)
         bs, value = self.nested.sample(ctx, seen, sample1, sample2, active)
         bs.wo = frame.to_world(bs.wo)
-        return bs, value
+        return bs, dr.select(self.is_consistent(si, frame, bs.wo), value, 0)
 
     def eval(self, ctx, si, wo, active=True):
         seen, frame = self.seen(si)
-        return self.nested.eval(ctx, seen, frame.to_local(wo), active)
+        value = self.nested.eval(ctx, seen, frame.to_local(wo), active)
+        return dr.select(self.is_consistent(si, frame, wo), value, 0)
 
     def pdf(self, ctx, si, wo, active=True):
         seen, frame = self.seen(si)
         return self.nested.pdf(ctx, seen, frame.to_local(wo), active)
 
     def eval_pdf(self, ctx, si, wo, active=True):
-        seen, frame = self.seen(si)
-        return self.nested.eval_pdf(ctx, seen, frame.to_local(wo), active)
+        return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)
 
     def to_string(self):
         return f"Bent[{self.nested}]"
@@ -365,6 +372,11 @@ def wrap(single, color):
     return outer
 
 
+def is_glass(element):
+    """Whether a model or one that it wraps lets light through."""
+    return any(e.get("type") in ("dielectric", "roughdielectric") for e in element.iter("bsdf"))
+
+
 def bend(parent):
     """Bends the normals of all models below an element, each mixture's as a whole."""
     for i, element in enumerate(list(parent)):
@@ -372,6 +384,8 @@ def bend(parent):
             outer = ElementTree.Element("bsdf", type="bent")
             reflects = "false" if element.get("type") == "diffuse" else "true"
             ElementTree.SubElement(outer, "boolean", name="reflects", value=reflects)
+            transmits = "true" if is_glass(element) else "false"
+            ElementTree.SubElement(outer, "boolean", name="transmits", value=transmits)
             outer.append(element)
             parent[i] = outer
         else:
