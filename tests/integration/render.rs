@@ -176,3 +176,11 @@ fn help_and_version_go_to_standard_output() {
     room.command(&["--version"]).assert().code(0).stdout(contains(env!("CARGO_PKG_VERSION")));
     room.command(&["--help"]).assert().code(0).stdout(contains("evaluate"));
 }
+
+#[test]
+fn a_surface_that_shines_beyond_all_measure_is_named() {
+    let room = Room::with(OBJ, &format!("{MTL}Ke 3e38 3e38 3e38\n"), TOML);
+    let error = room.fail(&["render", "room.obj", "--spp", "1", "-o", "a.png"]);
+    let start = "error: room.obj: `red`: its radiance must be >= 0 and at most 1e15, got ";
+    assert!(error.starts_with(start), "{error}");
+}

@@ -10,6 +10,7 @@ use crate::{
         sidecar::{LightSpec, Sidecar},
     },
     light::{Light, Shape},
+    lighting::MAX_RADIANCE,
     math::luminance,
     scene::{Material, Mesh},
     variables::LightConstraints,
@@ -35,7 +36,9 @@ impl Source<'_> {
         };
         for l in imported {
             if names.insert(l.name.clone()) {
-                lights.push((punctual(l), from_file()));
+                let light = punctual(l);
+                self.check_radiance(&light)?;
+                lights.push((light, from_file()));
             } else {
                 let file = self.scene_path.display();
                 warnings.push(format!("{file}: light `{}` is replaced by that of the sidecar", l.name));
@@ -59,9 +62,20 @@ impl Source<'_> {
                 camera_visible: true,
                 occludes: false,
             };
+            self.check_radiance(&light)?;
             lights.push((light, from_file()));
         }
         Ok(lights)
+    }
+
+    /// Checks the radiance of a light of the scene file, or of one of its materials.
+    fn check_radiance(&self, light: &Light) -> Result<(), ImportError> {
+        if (0.0..=MAX_RADIANCE).contains(&light.radiance) {
+            return Ok(());
+        }
+        let message =
+            format!("its radiance must be >= 0 and at most {MAX_RADIANCE:e}, got {:e}", light.radiance);
+        Err(ImportError::Key { path: self.scene_path.to_path_buf(), key: light.name.clone(), message })
     }
 
     /// Names of the sidecar's lights, which become those of EXR parts and must be unique.
