@@ -95,7 +95,7 @@ fn a_confined_scene_reads_nothing_outside_its_folder() {
     let scene = |name: &str| format!("scene/{name}");
     outer.write("other/room.mtl", MTL);
     outer.write("other/t.bin", triangle());
-    write_image(&outer.path("other/t.png"));
+    write_image(&outer.path("other/u.png"));
     outer.write(&scene("room.toml"), TOML);
     outer.write(&scene("room.mtl"), MTL);
     outer.write(&scene("room.obj"), OBJ);
@@ -103,7 +103,7 @@ fn a_confined_scene_reads_nothing_outside_its_folder() {
     std::fs::create_dir(outer.path("textures")).unwrap();
     write_image(&outer.path("textures/t.png"));
     std::os::unix::fs::symlink("../other/room.mtl", outer.path("scene/link.mtl")).unwrap();
-    let absolute = outer.path("other/t.png").display().to_string();
+    let absolute = outer.path("other/u.png").display().to_string();
 
     let render = |file: &str, confine: bool| -> Vec<String> {
         let confine: &[&str] = if confine { &["--confine"] } else { &[] };
@@ -124,7 +124,7 @@ fn a_confined_scene_reads_nothing_outside_its_folder() {
         judge(&obj, "mtllib");
     }
     outer.write(&obj, OBJ);
-    for image in ["../other/t.png", &absolute] {
+    for image in ["../other/u.png", &absolute] {
         outer.write(&scene("room.mtl"), MTL.replace("Kd 0.7 0.2 0.1", &format!("map_Kd {image}")));
         judge(&obj, "red: map_Kd");
         outer.write(&scene("s.gltf"), gltf("t.bin", image));
