@@ -4,6 +4,8 @@
 //! shade both sides, and a room made from their own box faces outward. The thresholds are dimensionless
 //! and chosen as those of [`super::subject`].
 
+use std::f32::consts::{PI, TAU};
+
 use glam::{Mat3, Vec3};
 
 use crate::{
@@ -24,6 +26,10 @@ pub const PANEL_GAP: f32 = 0.05;
 /// Largest vertical component of the normal of a panel that stands upright, a wall: it leans by 17°. Of one
 /// that lies, a floor, the vertical component is at least the cosine of that angle, 0.95.
 const LEANING: f32 = 0.3;
+/// Least share of a wall's area that stands upright: the edges of a thin one do not.
+const WALL_SHARE: f32 = 0.9;
+/// Least angle over which a screen reaches around a subject, radians: 60°, a flat one as wide as it is far.
+const AROUND: f32 = PI / 3.0;
 /// Least horizontal extents of a room or a backdrop, over those of the scene: only what stands outside
 /// may reach farther. Interval 0.03 to 0.95.
 const ROOM_SPAN: f32 = 0.9;
@@ -57,6 +63,8 @@ pub struct Piece {
     pub bounds: Bounds,
     /// The plane of a thin piece; `None` for a solid one.
     sheet: Option<Sheet>,
+    /// Share of its area that stands upright.
+    upright_share: f32,
     /// Whether one sees through all of it.
     is_clear: bool,
 }
@@ -80,7 +88,10 @@ impl Piece {
         let sheet = Sheet { normal, thickness: hi - lo };
         let is_thin = sheet.thickness <= PANEL_THICKNESS * bounds.extent().max_element();
         let is_clear = triangles.iter().all(|&t| is_clear[mesh.materials[t] as usize]);
-        Self { sheet: is_thin.then_some(sheet), bounds, is_clear, triangles }
+        let leans = |corners: [Vec3; 3]| face_normal(corners).normalize_or_zero().y.abs();
+        let (upright, total) = shares(mesh, triangles.iter().copied(), |c| leans(c) <= LEANING);
+        let upright_share = if total > 0.0 { upright / total } else { 0.0 };
+        Self { sheet: is_thin.then_some(sheet), bounds, upright_share, is_clear, triangles }
     }
 
     /// Whether the piece is a panel that stands upright.
@@ -93,19 +104,34 @@ impl Piece {
         self.sheet.is_some_and(|s| s.normal.y * s.normal.y >= 1.0 - LEANING * LEANING)
     }
 
-    /// Whether the piece is a wall behind or before a subject: an upright panel at least as wide and as
-    /// high, all on one side of which the subject stands, its middle not beside the panel.
-    pub fn backs(&self, mesh: &Mesh, subject: &[&Self]) -> bool {
-        let Some(Sheet { normal, thickness }) = self.sheet.filter(|_| self.is_upright()) else {
-            return false;
-        };
+    /// Whether the piece is upright as walls are, flat or not.
+    pub fn may_be_wall(&self) -> bool {
+        self.upright_share >= WALL_SHARE
+    }
+
+    /// Whether the piece is a wall behind or before a subject: at least as wide and as high, and a panel on
+    /// one side of which all of the subject stands, its middle not beside the panel, or an open screen that
+    /// the subject faces.
+    ///
+    /// # Errors
+    /// When a triangle's coordinates are not finite or too large for Embree.
+    pub fn backs(&self, mesh: &Mesh, subject: &[&Self]) -> Result<bool, EmbreeError> {
         let bounds = bounds_of(subject);
+        if self.bounds.extent().y < bounds.extent().y || self.bounds.lo.y >= bounds.hi.y {
+            return Ok(false);
+        }
+        match self.sheet {
+            Some(sheet) => Ok(self.is_panel_behind(mesh, sheet, subject)),
+            None => self.is_screen_around(mesh, &bounds),
+        }
+    }
+
+    fn is_panel_behind(&self, mesh: &Mesh, Sheet { normal, thickness }: Sheet, subject: &[&Self]) -> bool {
         let across = Vec3::Y.cross(normal).normalize_or_zero();
         // Exact for a panel, whose box has it as a diagonal.
         let [from, to] = along(&self.bounds, across);
-        let [left, right] = along(&bounds, across);
-        let is_before = (from..=to).contains(&(0.5 * (left + right)));
-        if !is_before || to - from < right - left || self.bounds.extent().y < bounds.extent().y {
+        let [left, right] = along(&bounds_of(subject), across);
+        if !(from..=to).contains(&(0.5 * (left + right))) || to - from < right - left {
             return false;
         }
         let plane = self.bounds.center().dot(normal);
@@ -113,6 +139,37 @@ impl Piece {
         let [near, far] = interval(corners.map(|p| p.dot(normal) - plane));
         let gap = 0.5 * thickness + PANEL_GAP * (far - near);
         near >= -gap || far <= gap
+    }
+
+    /// Whether the piece reaches around a subject, and its middle sees most of it: an open surface.
+    fn is_screen_around(&self, mesh: &Mesh, subject: &Bounds) -> Result<bool, EmbreeError> {
+        let (own, middle) = (self.bounds.extent(), subject.center());
+        let azimuths = self.triangles.iter().flat_map(|&t| mesh.corners(t)).map(|p| p - middle);
+        let is_narrow = own.x.max(own.z) < subject.extent().x.max(subject.extent().z);
+        if is_narrow || covered(azimuths.map(|d| d.z.atan2(d.x)).collect()) < AROUND {
+            return Ok(false);
+        }
+        Ok(self.seen_share(mesh, &self.accel(mesh)?, &[middle]) >= ENCLOSING_SHARE)
+    }
+
+    /// The piece alone, for rays.
+    fn accel(&self, mesh: &Mesh) -> Result<Accel, EmbreeError> {
+        let indices: Vec<[u32; 3]> = self.triangles.iter().map(|&t| mesh.indices[t]).collect();
+        Accel::build(&[TriangleMesh { positions: &mesh.positions, indices: &indices }])
+    }
+
+    /// Share of the piece's area that is seen from one of the `eyes`; `accel` is the piece alone.
+    fn seen_share(&self, mesh: &Mesh, accel: &Accel, eyes: &[Vec3]) -> f32 {
+        let is_seen = |corners: [Vec3; 3]| {
+            let target = (corners[0] + corners[1] + corners[2]) / 3.0;
+            eyes.iter().any(|&eye| {
+                let ray = Ray { org: eye, dir: target - eye, t_min: 0.0, t_max: 1.0 - END_MARGIN };
+                !accel.occluded(&ray)
+            })
+        };
+        let step = self.triangles.len().div_ceil(MAX_RAYS).max(1);
+        let (seen, total) = shares(mesh, self.triangles.iter().copied().step_by(step), is_seen);
+        seen / total
     }
 
     /// Whether the horizontal extents of the piece are at least a share of the scene's.
@@ -168,24 +225,14 @@ impl Piece {
         if room.x < ENCLOSING_SPAN || room.z < ENCLOSING_SPAN {
             return Ok(false);
         }
-        let indices: Vec<[u32; 3]> = self.triangles.iter().map(|&t| mesh.indices[t]).collect();
-        let accel = Accel::build(&[TriangleMesh { positions: &mesh.positions, indices: &indices }])?;
+        let accel = self.accel(mesh)?;
         let middle = inner.center();
         let down = Vec3::NEG_Y * (middle.y - scene.lo.y + scene.extent().y);
         if !accel.occluded(&Ray { org: middle, dir: down, t_min: 0.0, t_max: 1.0 }) {
             return Ok(false);
         }
         let eyes = [middle, Vec3::new(middle.x, scene.hi.y, middle.z)];
-        let is_seen = |corners: [Vec3; 3]| {
-            let target = (corners[0] + corners[1] + corners[2]) / 3.0;
-            eyes.iter().any(|&eye| {
-                let ray = Ray { org: eye, dir: target - eye, t_min: 0.0, t_max: 1.0 - END_MARGIN };
-                !accel.occluded(&ray)
-            })
-        };
-        let step = self.triangles.len().div_ceil(MAX_RAYS).max(1);
-        let (seen, total) = shares(mesh, self.triangles.iter().copied().step_by(step), is_seen);
-        Ok(seen >= ENCLOSING_SHARE * total)
+        Ok(self.seen_share(mesh, &accel, &eyes) >= ENCLOSING_SHARE)
     }
 }
 
@@ -204,6 +251,14 @@ fn main_normal(normals: impl Iterator<Item = Vec3>) -> Vec3 {
     }
     let longest = [m.x_axis, m.y_axis, m.z_axis].into_iter().max_by(|a, b| a.length().total_cmp(&b.length()));
     longest.and_then(Vec3::try_normalize).unwrap_or(Vec3::Y)
+}
+
+/// Angle over which directions spread, radians: all around but for the widest gap between two.
+fn covered(mut azimuths: Vec<f32>) -> f32 {
+    azimuths.sort_by(f32::total_cmp);
+    let (Some(first), Some(last)) = (azimuths.first(), azimuths.last()) else { return 0.0 };
+    let around = first + TAU - last;
+    TAU - azimuths.windows(2).map(|w| w[1] - w[0]).fold(around, f32::max)
 }
 
 /// Least and largest of some numbers.

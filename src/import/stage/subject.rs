@@ -74,12 +74,17 @@ fn without_shells<'a>(mesh: &Mesh, pieces: &[&'a Piece]) -> Result<Option<Vec<&'
     let gap = STANDING_GAP * scene.extent().y;
     let floors: Vec<f32> = setting.floors().collect();
     let main_of = |inner: &[&'a Piece]| dominant(inner, TOUCHING * bounds_of(inner).extent().length());
-    let stands_as_wall = |p: &Piece| p.is_upright() && floors.iter().any(|top| p.bounds.lo.y <= top + gap);
-    let (mut sheets, solids): (Vec<&Piece>, Vec<&Piece>) =
-        setting.inner.iter().partition(|p| stands_as_wall(p));
+    // What may be a wall is one where the rest stands before it.
+    let (walls, solids): (Vec<&Piece>, Vec<&Piece>) =
+        setting.inner.iter().partition(|p| !floors.is_empty() && p.may_be_wall());
     let before = main_of(&solids);
-    sheets.retain(|p| solids.is_empty() || !p.backs(mesh, &before));
-    let subject = main_of(&[solids, sheets].concat());
+    let mut rest = solids;
+    for wall in walls {
+        if before.is_empty() || !wall.backs(mesh, &before)? {
+            rest.push(wall);
+        }
+    }
+    let subject = main_of(&rest);
     let bounds = bounds_of(&subject);
     let stands = floors.iter().any(|top| (bounds.lo.y - top).abs() <= gap);
     let is_held = !setting.surroundings.is_empty() || stands && setting.is_within_rooms(&bounds);
@@ -314,6 +319,19 @@ mod tests {
             add(&mut mesh, 2, [-5.0, 0.0, -5.0], [5.0, 0.0, 5.0]);
             assert_eq!(main_boxes(&mesh), [0], "{angle} {panel}");
         }
+    }
+
+    #[test]
+    fn a_folded_screen_around_the_subject_is_a_wall() {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, 0, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
+        add(&mut mesh, 1, [-1.5, 0.2, -1.0], [1.5, 2.0, -1.0]);
+        // Its wings come forward.
+        mesh.positions[32..].iter_mut().filter(|p| p.x < 0.0).for_each(|p| p.z = 0.5);
+        add(&mut mesh, 1, [0.0, 0.2, -1.0], [1.5, 2.0, -1.0]);
+        add(&mut mesh, 2, [-5.0, 0.0, -5.0], [5.0, 0.0, 5.0]);
+        let subject = find(&mesh, &[false]).unwrap();
+        assert!(mesh.objects.iter().zip(&subject.is_main).all(|(o, m)| (*o == 0) == *m));
     }
 
     #[test]
