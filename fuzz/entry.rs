@@ -6,14 +6,15 @@ use std::{cell::OnceCell, fs, path::PathBuf};
 
 use lightopt_embree::{
     audit::lights::LightsFile,
-    film::{exr::read_exr, image_file::read_image},
+    film::{
+        exr::read_exr,
+        image_file::{LinearImage, MaskImage},
+    },
     import,
     lighting::Lighting,
     objective::{Target, signature::library::Library},
-    scene::{
-        Scene,
-        texture::{Encoding, Texture},
-    },
+    picture::{Picture, Purpose, Reading},
+    scene::Scene,
     transport::TransportBasis,
 };
 use tempfile::TempDir;
@@ -142,23 +143,24 @@ pub fn signatures(bytes: &[u8]) {
     });
 }
 
-/// An EXR as a run writes it, and as a photograph.
+/// An EXR as a run writes it, and as a picture.
 pub fn exr(bytes: &[u8]) {
     PLACE.with(|place| {
-        let path = place.write("p.exr", bytes);
-        let _ = read_exr(&path);
-        picture_at(&path);
+        let _ = read_exr(&place.write("p.exr", bytes));
     });
+    picture(bytes);
 }
 
-/// A picture of any format.
+/// A picture of any format, for every purpose.
 pub fn picture(bytes: &[u8]) {
-    PLACE.with(|place| picture_at(&place.write("picture", bytes)));
-}
-
-fn picture_at(path: &std::path::Path) {
-    let _ = read_image(path);
-    let _ = Texture::load(path, Encoding::Srgb, "a test");
+    for purpose in [Purpose::Light, Purpose::Mask, Purpose::Texture, Purpose::RawTexture] {
+        let Ok(picture) = Picture::decode(bytes, &Reading::of(purpose)) else { continue };
+        let _ = match purpose {
+            Purpose::Light => LinearImage::of(&picture).make_radiance().is_ok(),
+            Purpose::Mask => MaskImage::of(&picture).object.is_empty(),
+            Purpose::Texture | Purpose::RawTexture => picture.straight(picture.n_pixels() - 1)[3] > 0.0,
+        };
+    }
 }
 
 /// A stored transport basis.
