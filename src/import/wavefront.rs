@@ -15,8 +15,7 @@ use glam::{Vec2, Vec3};
 
 use super::{error::LineError, imported::Part};
 
-/// Corners of a polygon above which it is taken to be convex. Clipping ears takes 2 ms for combs, stars
-/// and spirals of 1000 corners, and grows with the square.
+/// Corners of a polygon above which it is taken to be convex: clipping ears grows with the square.
 const MAX_CONCAVE: usize = 1000;
 /// Bend of a polygon's edge below which it counts as straight, in twice the polygon's area: rounding
 /// of f32 coordinates bends by some 10⁻⁷.
@@ -332,24 +331,36 @@ fn triangulate(p: &[Vec3]) -> Vec<[usize; 3]> {
         return fan();
     }
     let mut left: Vec<usize> = (0..n).collect();
+    // Of a corner that is no ear, one that lies in its triangle, or `n` where it bends inward: it stays none
+    // as long as that one and its neighbours are left.
+    let mut reason: Vec<Option<usize>> = vec![None; n];
+    let mut is_left = vec![true; n];
     let mut out = Vec::with_capacity(n - 2);
     while left.len() > 3 {
         let m = left.len();
         let around = |i: usize| [left[(i + m - 1) % m], left[i], left[(i + 1) % m]];
+        let lies_in = |[a, b, c]: [usize; 3], q: usize| {
+            ![a, b, c].contains(&q)
+                && [flat[a], flat[b], flat[c]].iter().all(|&corner| corner != flat[q])
+                && turn(a, b, q) >= 0.0
+                && turn(b, c, q) >= 0.0
+                && turn(c, a, q) >= 0.0
+        };
         let is_ear = |&i: &usize| {
             let [a, b, c] = around(i);
-            turn(a, b, c) > 0.0
-                && !left.iter().any(|&q| {
-                    ![a, b, c].contains(&q)
-                        && [flat[a], flat[b], flat[c]].iter().all(|&corner| corner != flat[q])
-                        && turn(a, b, q) >= 0.0
-                        && turn(b, c, q) >= 0.0
-                        && turn(c, a, q) >= 0.0
-                })
+            if reason[b].is_some_and(|q| q == n || is_left[q]) {
+                return false;
+            }
+            let is_convex = turn(a, b, c) > 0.0;
+            let within = || left.iter().copied().find(|&q| lies_in([a, b, c], q));
+            reason[b] = if is_convex { within() } else { Some(n) };
+            reason[b].is_none()
         };
         // A polygon that crosses itself may have no ear.
         let ear = (0..m).find(is_ear).unwrap_or(0);
-        out.push(around(ear));
+        let [a, b, c] = around(ear);
+        out.push([a, b, c]);
+        (reason[a], reason[c], is_left[b]) = (None, None, false);
         left.remove(ear);
     }
     out.push([left[0], left[1], left[2]]);
@@ -376,6 +387,18 @@ mod tests {
                 assert!((area(&p, &t) - 6.0).abs() < 1e-5, "{first}: {t:?}");
             }
         }
+    }
+
+    #[test]
+    fn combs_are_covered_and_whatever_crosses_itself_ends() {
+        let n = 300;
+        let tooth = |i: usize| Vec3::new(i as f32, if i.is_multiple_of(2) { 0.0 } else { 9.0 }, 0.0);
+        let comb: Vec<Vec3> = (0..n).map(tooth).chain((0..n).rev().map(|i| tooth(i) - Vec3::Y)).collect();
+        let t = triangulate(&comb);
+        assert_eq!(t.len(), 2 * n - 2);
+        assert!((area(&comb, &t) - (n - 1) as f32).abs() < 1e-2, "{}", area(&comb, &t));
+        let crossed: Vec<Vec3> = (0..2 * n).map(|i| comb[i * 7 % (2 * n)]).collect();
+        assert_eq!(triangulate(&crossed).len(), 2 * n - 2);
     }
 
     #[test]
