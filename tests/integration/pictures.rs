@@ -234,10 +234,10 @@ fn render(directory: &Path, options: &[&str]) -> Command {
 fn a_sky_with_a_bad_pixel_is_refused_by_name_and_a_tiny_negative_is_black() {
     let directory = tempfile::tempdir().unwrap();
     write_sky_scene(directory.path(), "sky-inf.exr");
-    let wanted = ["a.toml", "lights.env.image", "sky.exr", "the pixel at column 5, row 3 is inf"];
+    let wanted = ["a.toml", "lights.env.image", "sky.exr", "the pixel at column 10, row 4 is inf"];
     refused(&mut render(directory.path(), &[]), &wanted);
     write_sky_scene(directory.path(), "sky-negative.exr");
-    let said = "sky.exr: 1 value is negative and read as 0; the least, -0.00001, is at column";
+    let said = "sky.exr: 3 values are negative and read as 0; the least, -0.00001, is at column 10, row 4";
     render(directory.path(), &[]).assert().success().stderr(contains(said));
 }
 

@@ -146,12 +146,15 @@ fn joined(part: &str, prefix: &str) -> String {
 /// then what ends so, then what sounds like it, then the first. In our files it is the first.
 ///
 /// # Errors
-/// When no layer is a picture, or none or several have the name.
+/// When no layer is a picture, all data are deep, or none or several layers have the name.
 pub fn choose<'a>(
     headers: &Headers,
     layers: &'a [Layer],
     wanted: Option<&str>,
 ) -> Result<&'a Layer, ExrFault> {
+    if layers.is_empty() && headers.parts.iter().all(|part| part.is_deep) {
+        return Err(ExrFault::Deep);
+    }
     let Some(name) = wanted else {
         let is_ours = headers.parts[0].attribute.is_some();
         let mut order: Vec<&Layer> = layers.iter().collect();
