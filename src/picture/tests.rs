@@ -136,7 +136,37 @@ fn the_factors_of_a_radiance_header_multiply() {
         let source = std::error::Error::source(&text.unwrap_err()).unwrap().to_string();
         assert!(source.contains(wrong) && source.contains("makes no sense"), "{source}");
     }
-    assert!(refusal(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n")).contains("save it again"));
+    // 1, 1/2, 0 as X, Y, Z: the luminance is Y, but for its weights of four digits.
+    let xyz = read(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n"));
+    assert!((xyz.luminance(0) - 0.5).abs() < 5e-4, "{}", xyz.luminance(0));
+    assert!(matches!(
+        Picture::decode(&hdr("#?RADIANCE\nFORMAT=other\n"), &Reading::of(Purpose::Light)),
+        Err(Fault::Decode { .. })
+    ));
+}
+
+#[test]
+fn radiance_rows_may_run_in_every_order() {
+    // What the picture looks like: 0 1 2 in the upper row, 3 4 5 in the lower.
+    for (size, order) in [
+        ("-Y 2 +X 3", [0, 1, 2, 3, 4, 5]),
+        ("+Y 2 +X 3", [3, 4, 5, 0, 1, 2]),
+        ("-Y 2 -X 3", [2, 1, 0, 5, 4, 3]),
+        ("+Y 2 -X 3", [5, 4, 3, 2, 1, 0]),
+        ("+X 3 -Y 2", [0, 3, 1, 4, 2, 5]),
+        ("+X 3 +Y 2", [3, 0, 4, 1, 5, 2]),
+        ("-X 3 -Y 2", [2, 5, 1, 4, 0, 3]),
+        ("-X 3 +Y 2", [5, 2, 4, 1, 3, 0]),
+    ] {
+        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPIXASPECT=1\n\n{size}\n").into_bytes();
+        bytes.extend(order.iter().flat_map(|&v: &u8| [16 * v, 16 * v, 16 * v, 136]));
+        let picture = read(&bytes);
+        assert_eq!((picture.width, picture.height, picture.notes.len()), (3, 2, 0), "{size}");
+        let values: Vec<f32> = (0..6).map(|i| picture.over_black(i)[0] / 16.0).collect();
+        assert_eq!(values, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "{size}");
+    }
+    let odd = read(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPIXASPECT=2\n"));
+    assert_eq!(odd.notes, [Note::PixelAspect(2.0)]);
 }
 
 #[test]
