@@ -260,3 +260,75 @@ fn premultiplied_colours_of_a_texture_are_divided_by_their_alpha() {
         assert!(b >= light[2]);
     }
 }
+
+/// A TIFF of uncompressed pages, each of one row of 8-bit samples and with further entries (tag, type
+/// 3, value) of its directory.
+fn tiff_pages(pages: &[(&[u8], u32, &[(u16, u32)])]) -> Vec<u8> {
+    let mut bytes = b"II*\0".to_vec();
+    for (samples, n_samples, more) in pages {
+        let data = bytes.len() as u32 + 4;
+        let directory = data + samples.len().next_multiple_of(2) as u32;
+        bytes.extend(directory.to_le_bytes());
+        bytes.extend(*samples);
+        bytes.resize(directory as usize, 0);
+        let width = samples.len() as u32 / n_samples;
+        let mut entries = vec![
+            (256, width),
+            (257, 1),
+            (258, 8),
+            (259, 1),
+            (262, if *n_samples == 1 { 1 } else { 2 }),
+            (273, data),
+            (277, *n_samples),
+            (278, 1),
+            (279, samples.len() as u32),
+        ];
+        entries.retain(|(tag, _)| more.iter().all(|(other, _)| other != tag));
+        entries.extend(*more);
+        entries.sort_unstable();
+        bytes.extend((entries.len() as u16).to_le_bytes());
+        for (tag, value) in entries {
+            bytes.extend([tag.to_le_bytes(), 3_u16.to_le_bytes()].concat());
+            bytes.extend([1, value].map(u32::to_le_bytes).concat());
+        }
+    }
+    bytes.extend([0; 4]);
+    bytes
+}
+
+#[test]
+fn a_preview_is_not_taken_for_the_picture_of_a_tiff() {
+    let (preview, mask): (&[(u16, u32)], &[(u16, u32)]) = (&[(254, 1)], &[(254, 4)]);
+    let first = |pages: &[(&[u8], u32, &[(u16, u32)])]| {
+        let picture = read(&tiff_pages(pages));
+        (picture.width, (picture.stored(0)[0] * 255.0).round(), picture.notes)
+    };
+    assert_eq!(first(&[(&[7], 1, preview), (&[0], 1, mask), (&[9, 9], 1, &[])]), (2, 9.0, vec![]));
+    assert_eq!(first(&[(&[9, 9], 1, &[]), (&[7], 1, preview)]), (2, 9.0, vec![Note::FurtherPages]));
+    // Nothing else is there.
+    assert_eq!(first(&[(&[7], 1, preview)]), (1, 7.0, vec![]));
+    for (raw, want) in [(330, "sub-directory"), (50_706, "DNG")] {
+        let text = refusal(&tiff_pages(&[(&[7], 1, &[(254, 1), (raw, 8)])]));
+        assert!(text.contains(want) && text.contains("save it again"), "{text}");
+    }
+}
+
+#[test]
+fn further_channels_of_a_tiff_are_left_out_or_refused_where_they_would_mislead() {
+    let extra: &[(u16, u32)] = &[(338, 0)];
+    let picture = read(&tiff_pages(&[(&[1, 2, 3, 99, 4, 5, 6, 99], 4, extra)]));
+    let codes = |i: usize| picture.stored(i).map(|v| (v * 255.0).round());
+    assert_eq!([codes(0), codes(1)], [[1.0, 2.0, 3.0, 255.0], [4.0, 5.0, 6.0, 255.0]]);
+    let predicted = tiff_pages(&[(&[1, 2, 3, 99, 3, 3, 3, 0], 4, &[(317, 2), (338, 0)])]);
+    assert!(refusal(&predicted).contains("further channels"), "{}", refusal(&predicted));
+    let backwards = tiff_pages(&[(&[1], 1, &[(266, 2)])]);
+    assert!(refusal(&backwards).contains("FillOrder 2"));
+}
+
+#[test]
+fn white_is_zero_is_turned_around() {
+    for (zero, want) in [(1, 200.0), (0, 55.0)] {
+        let picture = read(&tiff_pages(&[(&[200], 1, &[(262, zero)])]));
+        assert_eq!((picture.stored(0)[0] * 255.0).round(), want);
+    }
+}
