@@ -333,3 +333,16 @@ fn what_is_no_file_is_refused_without_waiting() {
     refused(&mut evaluate(Path::new("/dev/zero"), &data("mask.png")), &["/dev/zero", "no regular file"]);
     refused(&mut evaluate(&data("rgb8.png"), Path::new("/dev/zero")), &["/dev/zero", "no regular file"]);
 }
+
+#[test]
+fn pictures_in_formats_that_are_not_read_are_called_by_their_names() {
+    let directory = tempfile::tempdir().unwrap();
+    let gif = directory.path().join("a.gif");
+    fs::write(&gif, "GIF89a with nothing behind it").unwrap();
+    let wanted = ["a.gif", "it is a GIF, which is not read; save it as PNG"];
+    refused(&mut evaluate(&gif, &data("mask.png")), &wanted);
+    refused(&mut evaluate(&data("rgb8.png"), &gif), &wanted);
+    let mut target = program(directory.path());
+    target.args(["evaluate", "--target", "a.gif", "--mask"]).args([data("mask.png"), data("rgb8.png")]);
+    refused(&mut target, &wanted);
+}
