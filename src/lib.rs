@@ -138,6 +138,7 @@
 //!   Chi-Square Distributions*, Ann. Math. Stat. 30, 1959.
 //! - \[Walter07\] B. Walter et al., *Microfacet Models for Refraction through Rough
 //!   Surfaces*, EGSR 2007.
+//! - \[WebP\] Google, *WebP Container Specification*.
 //! - \[Welch47\] B. Welch, *The Generalization of "Student's" Problem when Several Different
 //!   Population Variances are Involved*, Biometrika 34, 1947.
 //! - \[Welford62\] B. Welford, *Note on a Method for Calculating Corrected Sums of Squares

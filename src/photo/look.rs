@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::{Photo, PhotoError};
-use crate::film::image_file::has_picture_ending;
 use crate::objective::signature::library::{Library, LibraryError, split_reference};
 use crate::objective::signature::{Shape, Signature, SignatureError};
 use crate::objective::target::{DEFAULT_WEIGHTS, HISTOGRAM_ONLY, TargetError};
 use crate::objective::{LuminanceMode, Target};
+use crate::picture::Format;
 
 /// Why a look cannot be resolved.
 #[derive(Debug, Error)]
@@ -76,7 +76,7 @@ impl Look {
     /// When there is no such look, it is not valid, or a mask is given with another kind of look.
     pub fn resolve(spec: &str, mask: Option<&Path>) -> Result<Self, LookError> {
         let path = Path::new(spec);
-        if has_picture_ending(path) {
+        if Format::is_picture_ending(path) {
             let photo = Box::new(Photo::read(path, mask, None)?);
             return Ok(Self::Photo { path: path.to_owned(), photo });
         }

@@ -35,6 +35,9 @@ pub enum Fault {
     /// No format that is known.
     #[error("its content is in no known format (BMP, EXR, HDR, JPEG, PNG, TGA, TIFF, WebP)")]
     UnknownFormat,
+    /// Another program's format.
+    #[error("it is {0}, which is not read; save it as PNG, or as EXR with linear colours")]
+    ForeignFormat(&'static str),
     /// Too large, or empty.
     #[error(transparent)]
     Size(#[from] SizeError),

@@ -1,10 +1,10 @@
 //! Formats of pictures, told apart by their content, or by the ending where the content has no
 //! mark.
 
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::exr;
+use super::{Fault, exr};
 
 /// A format that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,11 +83,18 @@ impl Format {
         if is_webp { Some(Self::WebP) } else { marked() }
     }
 
+    /// Whether a file of this name is a picture, be it of a format that is read or of another.
+    #[must_use]
+    pub fn is_picture_ending(path: &Path) -> bool {
+        let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        Self::of_ending(path).is_some() || FOREIGN_ENDINGS.contains(&ending.as_str())
+    }
+
     /// That of a file's content, else of its name; the source stands at its start afterwards.
     ///
     /// # Errors
-    /// When the file cannot be read.
-    pub fn of(source: &mut (impl Read + Seek + ?Sized), name: Option<&Path>) -> io::Result<Option<Self>> {
+    /// When the file cannot be read, or is in no format that is known, or in one that is not read.
+    pub fn of(source: &mut (impl Read + Seek + ?Sized), name: Option<&Path>) -> Result<Self, Fault> {
         let mut start = Vec::new();
         source.take(16).read_to_end(&mut start)?;
         let mut format = Self::of_start(&start);
@@ -98,8 +105,80 @@ impl Format {
             format = (&end == TGA_FOOTER).then_some(Self::Tga);
         }
         source.seek(SeekFrom::Start(0))?;
+        if let (None, Some(foreign)) = (format, foreign(&start)) {
+            return Err(Fault::ForeignFormat(foreign));
+        }
         // Of the others every file bears its mark, so that an ending without it says nothing.
         let unmarked = |format: &Self| matches!(format, Self::Tga | Self::Hdr);
-        Ok(format.or_else(|| name.and_then(Self::of_ending).filter(unmarked)))
+        format.or_else(|| name.and_then(Self::of_ending).filter(unmarked)).ok_or(Fault::UnknownFormat)
+    }
+}
+
+/// Endings of pictures in formats that are not read, cameras' raw ones among them.
+const FOREIGN_ENDINGS: [&str; 27] = [
+    "gif", "avif", "heic", "heif", "jxl", "jp2", "j2k", "jpf", "psd", "psb", "xcf", "kra", "dds", "ktx",
+    "ktx2", "qoi", "ppm", "pgm", "pfm", "svg", "ico", "dng", "cr2", "cr3", "nef", "arw", "raf",
+];
+
+/// What a file of another program is, by its first bytes.
+fn foreign(start: &[u8]) -> Option<&'static str> {
+    let marks: [(&[u8], &str); 16] = [
+        (b"GIF8", "a GIF"),
+        (b"\0\0\0\x0cJXL ", "a JPEG XL picture"),
+        (b"\xff\x0a", "a JPEG XL picture"),
+        (b"\0\0\0\x0cjP  ", "a JPEG 2000 picture"),
+        (b"\xff\x4f\xff\x51", "a JPEG 2000 picture"),
+        (b"8BPS", "a Photoshop file"),
+        (b"gimp xcf", "a GIMP file"),
+        (b"DDS ", "a DirectDraw surface"),
+        (b"\xabKTX ", "a KTX texture"),
+        (b"qoif", "a QOI picture"),
+        (b"PF\n", "a portable float map"),
+        (b"Pf\n", "a portable float map"),
+        (b"%PDF", "a PDF document"),
+        (b"<svg", "an SVG drawing"),
+        (b"FUJIFILM", "a camera's raw picture"),
+        (b"\0\0\x01\0", "an icon (ICO)"),
+    ];
+    // [ISO/IEC 14496-12] the brand follows the length and the type of the first box.
+    match start.get(4..12) {
+        Some(b"ftypavif" | b"ftypavis") => return Some("an AVIF picture"),
+        Some(b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftypmif1" | b"ftypmsf1") => {
+            return Some("a HEIF picture (HEIC)");
+        }
+        Some(b"ftypcrx ") => return Some("a camera's raw picture"),
+        _ => {}
+    }
+    if let [b'P', b'1'..=b'7', space, ..] = start
+        && space.is_ascii_whitespace()
+    {
+        return Some("a portable any-map (PNM)");
+    }
+    marks.iter().find(|(mark, _)| start.starts_with(mark)).map(|&(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    #[test]
+    fn pictures_of_other_programs_are_called_by_their_names() {
+        for (start, name) in [
+            (&b"GIF89a"[..], "a GIF"),
+            (b"\0\0\0\x1cftypavif\0\0\0\0", "an AVIF picture"),
+            (b"\0\0\0\x18ftypheic\0\0\0\0", "a HEIF picture (HEIC)"),
+            (b"\0\0\0\x0cJXL \r\n\x87\n", "a JPEG XL picture"),
+            (b"8BPS\0\x01", "a Photoshop file"),
+            (b"P6\n32 24", "a portable any-map (PNM)"),
+        ] {
+            let found = Format::of(&mut Cursor::new(start), Some(Path::new("a.tga")));
+            assert!(matches!(found, Err(Fault::ForeignFormat(f)) if f == name), "{found:?}");
+        }
+        let text = Format::of(&mut Cursor::new(b"Pfui"), Some(Path::new("a.png")));
+        assert!(matches!(text, Err(Fault::UnknownFormat)), "{text:?}");
+        assert!(
+            Format::is_picture_ending(Path::new("a.HEIC")) && !Format::is_picture_ending(Path::new("a.toml"))
+        );
     }
 }

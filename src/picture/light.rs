@@ -67,6 +67,12 @@ fn layer_picture(
         true => colour(&part)?,
         false => (Colour::rec709(Transfer::Linear), None),
     };
+    if part.is_cube_map && reading.purpose == Purpose::Light {
+        return Err(Fault::Unsupported {
+            what: "it shows the six sides of a cube (envmap)".into(),
+            cure: "convert it to latitude and longitude",
+        });
+    }
     let mut channels = layer.colours.indices().to_vec();
     // Before black, what is transparent has been left out already.
     channels.extend(layer.alpha.filter(|_| reading.purpose != Purpose::Light));
@@ -82,7 +88,19 @@ fn layer_picture(
     let mut picture = Picture::new(size, channels.len(), samples, colour, Orientation::NoTransforms);
     picture.alpha = Alpha::Premultiplied;
     picture.notes.extend(note);
+    if reading.purpose.honours_metadata() {
+        picture.notes.extend(lone_channel(&part, layer));
+        picture.notes.extend(part.pixel_aspect.and_then(|ratio| Note::of_aspect(ratio.recip())));
+    }
     Ok(picture)
+}
+
+/// What to say of a channel that is read as grey whatever its name.
+fn lone_channel(part: &Part, layer: &Layer) -> Option<Note> {
+    let Colours::Grey(c) = layer.colours else { return None };
+    let name = &part.channels[c].name;
+    let is_red_or_green = name.ends_with(['R', 'G']);
+    is_red_or_green.then(|| Note::OnlyChannel(name.clone()))
 }
 
 /// What the header says of the colours: a named colour space, else chromaticities.

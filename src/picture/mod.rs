@@ -158,7 +158,7 @@ impl Picture {
         name: Option<&Path>,
         reading: &Reading,
     ) -> Result<Self, Fault> {
-        match Format::of(&mut source, name)?.ok_or(Fault::UnknownFormat)? {
+        match Format::of(&mut source, name)? {
             Format::Exr => light::read_exr(source, reading),
             Format::Tiff => tiff::read(source, reading),
             Format::Hdr => radiance::read(source, reading),

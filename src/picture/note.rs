@@ -5,7 +5,7 @@ use std::fmt;
 use super::exr::{listed, quoted};
 
 /// A fact about a picture, without its name.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Note {
     /// A colour profile, unless it is that of sRGB and the picture is taken so.
     IccIgnored {
@@ -27,6 +27,19 @@ pub enum Note {
     Cmyk,
     /// Chromaticities of no device.
     ChromaticitiesIgnored,
+    /// The only channel of an EXR, of a name that does not say grey.
+    OnlyChannel(String),
+    /// Pixels that are not square, by their height over their width.
+    PixelAspect(f64),
+}
+
+impl Note {
+    /// The note about pixels of a height over their width, when they are not square to 1 %.
+    #[must_use]
+    pub fn of_aspect(ratio: f64) -> Option<Self> {
+        let is_odd = ratio.is_normal() && ratio > 0.0 && (ratio - 1.0).abs() > 1e-2;
+        is_odd.then_some(Self::PixelAspect(ratio))
+    }
 }
 
 impl fmt::Display for Note {
@@ -49,6 +62,10 @@ impl fmt::Display for Note {
             Self::Cmyk => write!(f, "its CMYK colours are turned into RGB roughly, without a profile"),
             Self::ChromaticitiesIgnored => {
                 write!(f, "its chromaticities are those of no device and are ignored")
+            }
+            Self::OnlyChannel(name) => write!(f, "its only channel {} is read as grey", quoted(name)),
+            Self::PixelAspect(ratio) => {
+                write!(f, "its pixels are {ratio:.3} times as high as wide, and taken as square")
             }
         }
     }

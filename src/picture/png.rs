@@ -21,13 +21,15 @@ pub(super) fn about(source: &mut (impl BufRead + Seek + ?Sized), plain: About) -
     decoder.set_ignore_text_chunk(true);
     let reader = decoder.read_info().map_err(|e| Fault::decode(Format::Png, e))?;
     let info = reader.info();
-    let plain = About { asks_profile: false, ..plain };
+    let further = info.animation_control.is_some().then_some(Note::FurtherPages);
+    let plain = About { asks_profile: false, notes: further.into_iter().collect(), ..plain };
     if let Some(points) = info.coding_independent_code_points {
         return Ok(About { colour: coded(points)?, ..plain });
     }
     let (colour, note) = if info.srgb.is_some() { (plain.colour, None) } else { stated(info, plain.colour) };
     let icc = icc_note(info.icc_profile.as_ref().map(|profile| profile.to_vec()), &colour);
-    Ok(About { colour, notes: icc.into_iter().chain(note).collect(), ..plain })
+    let notes = plain.notes.into_iter().chain(icc).chain(note).collect();
+    Ok(About { colour, notes, asks_profile: false, alpha: plain.alpha, working: plain.working })
 }
 
 /// The colours of gAMA and cHRM.

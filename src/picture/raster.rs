@@ -20,7 +20,8 @@ pub(super) fn read(
 ) -> Result<Picture, Fault> {
     let about = About::read(&mut source, format, reading.purpose)?;
     source.seek(SeekFrom::Start(0))?;
-    let decode = |e| Fault::decode(format, e);
+    // The crate's message holds that of its cause.
+    let decode = |e: image::ImageError| Fault::decode(format, e.to_string());
     let mut reader = ImageReader::with_format(source, image_format(format));
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(METADATA_BUDGET);
@@ -89,11 +90,21 @@ impl About {
                 let notes = if is_cmyk { vec![Note::Cmyk] } else { Vec::new() };
                 Self { working: scans.working(), notes, asks_profile: !is_cmyk, ..plain }
             }
-            // RGBA beside what is asked for.
-            Format::WebP => Self { working: 4, ..plain },
+            Format::WebP => {
+                let notes = if is_animated_webp(source) { vec![Note::FurtherPages] } else { Vec::new() };
+                // RGBA beside what is asked for.
+                Self { working: 4, notes, ..plain }
+            }
             _ => plain,
         })
     }
+}
+
+/// Whether a WebP is an animation: \[WebP\] a flag of the header `VP8X`.
+fn is_animated_webp(source: &mut (impl BufRead + Seek + ?Sized)) -> bool {
+    let mut start = [0; 21];
+    let is_read = source.seek(SeekFrom::Start(0)).is_ok() && source.read_exact(&mut start).is_ok();
+    is_read && &start[12..16] == b"VP8X" && start[20] & 0x02 != 0
 }
 
 /// How profiles of sRGB call themselves, in lower case.

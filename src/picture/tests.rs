@@ -136,7 +136,37 @@ fn the_factors_of_a_radiance_header_multiply() {
         let source = std::error::Error::source(&text.unwrap_err()).unwrap().to_string();
         assert!(source.contains(wrong) && source.contains("makes no sense"), "{source}");
     }
-    assert!(refusal(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n")).contains("save it again"));
+    // 1, 1/2, 0 as X, Y, Z: the luminance is Y, but for its weights of four digits.
+    let xyz = read(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n"));
+    assert!((xyz.luminance(0) - 0.5).abs() < 5e-4, "{}", xyz.luminance(0));
+    assert!(matches!(
+        Picture::decode(&hdr("#?RADIANCE\nFORMAT=other\n"), &Reading::of(Purpose::Light)),
+        Err(Fault::Decode { .. })
+    ));
+}
+
+#[test]
+fn radiance_rows_may_run_in_every_order() {
+    // What the picture looks like: 0 1 2 in the upper row, 3 4 5 in the lower.
+    for (size, order) in [
+        ("-Y 2 +X 3", [0, 1, 2, 3, 4, 5]),
+        ("+Y 2 +X 3", [3, 4, 5, 0, 1, 2]),
+        ("-Y 2 -X 3", [2, 1, 0, 5, 4, 3]),
+        ("+Y 2 -X 3", [5, 4, 3, 2, 1, 0]),
+        ("+X 3 -Y 2", [0, 3, 1, 4, 2, 5]),
+        ("+X 3 +Y 2", [3, 0, 4, 1, 5, 2]),
+        ("-X 3 -Y 2", [2, 5, 1, 4, 0, 3]),
+        ("-X 3 +Y 2", [5, 2, 4, 1, 3, 0]),
+    ] {
+        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPIXASPECT=1\n\n{size}\n").into_bytes();
+        bytes.extend(order.iter().flat_map(|&v: &u8| [16 * v, 16 * v, 16 * v, 136]));
+        let picture = read(&bytes);
+        assert_eq!((picture.width, picture.height, picture.notes.len()), (3, 2, 0), "{size}");
+        let values: Vec<f32> = (0..6).map(|i| picture.over_black(i)[0] / 16.0).collect();
+        assert_eq!(values, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "{size}");
+    }
+    let odd = read(&hdr("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\nPIXASPECT=2\n"));
+    assert_eq!(odd.notes, [Note::PixelAspect(2.0)]);
 }
 
 #[test]
@@ -228,5 +258,77 @@ fn premultiplied_colours_of_a_texture_are_divided_by_their_alpha() {
         let ([r, g, b, a], light) = (picture.straight(i), picture.over_black(i));
         assert!((a - 0.5).abs() < 1e-4 && ((r - light[0] / a).abs() + (g - light[1] / a).abs()) < 1e-5);
         assert!(b >= light[2]);
+    }
+}
+
+/// A TIFF of uncompressed pages, each of one row of 8-bit samples and with further entries (tag, type
+/// 3, value) of its directory.
+fn tiff_pages(pages: &[(&[u8], u32, &[(u16, u32)])]) -> Vec<u8> {
+    let mut bytes = b"II*\0".to_vec();
+    for (samples, n_samples, more) in pages {
+        let data = bytes.len() as u32 + 4;
+        let directory = data + samples.len().next_multiple_of(2) as u32;
+        bytes.extend(directory.to_le_bytes());
+        bytes.extend(*samples);
+        bytes.resize(directory as usize, 0);
+        let width = samples.len() as u32 / n_samples;
+        let mut entries = vec![
+            (256, width),
+            (257, 1),
+            (258, 8),
+            (259, 1),
+            (262, if *n_samples == 1 { 1 } else { 2 }),
+            (273, data),
+            (277, *n_samples),
+            (278, 1),
+            (279, samples.len() as u32),
+        ];
+        entries.retain(|(tag, _)| more.iter().all(|(other, _)| other != tag));
+        entries.extend(*more);
+        entries.sort_unstable();
+        bytes.extend((entries.len() as u16).to_le_bytes());
+        for (tag, value) in entries {
+            bytes.extend([tag.to_le_bytes(), 3_u16.to_le_bytes()].concat());
+            bytes.extend([1, value].map(u32::to_le_bytes).concat());
+        }
+    }
+    bytes.extend([0; 4]);
+    bytes
+}
+
+#[test]
+fn a_preview_is_not_taken_for_the_picture_of_a_tiff() {
+    let (preview, mask): (&[(u16, u32)], &[(u16, u32)]) = (&[(254, 1)], &[(254, 4)]);
+    let first = |pages: &[(&[u8], u32, &[(u16, u32)])]| {
+        let picture = read(&tiff_pages(pages));
+        (picture.width, (picture.stored(0)[0] * 255.0).round(), picture.notes)
+    };
+    assert_eq!(first(&[(&[7], 1, preview), (&[0], 1, mask), (&[9, 9], 1, &[])]), (2, 9.0, vec![]));
+    assert_eq!(first(&[(&[9, 9], 1, &[]), (&[7], 1, preview)]), (2, 9.0, vec![Note::FurtherPages]));
+    // Nothing else is there.
+    assert_eq!(first(&[(&[7], 1, preview)]), (1, 7.0, vec![]));
+    for (raw, want) in [(330, "sub-directory"), (50_706, "DNG")] {
+        let text = refusal(&tiff_pages(&[(&[7], 1, &[(254, 1), (raw, 8)])]));
+        assert!(text.contains(want) && text.contains("save it again"), "{text}");
+    }
+}
+
+#[test]
+fn further_channels_of_a_tiff_are_left_out_or_refused_where_they_would_mislead() {
+    let extra: &[(u16, u32)] = &[(338, 0)];
+    let picture = read(&tiff_pages(&[(&[1, 2, 3, 99, 4, 5, 6, 99], 4, extra)]));
+    let codes = |i: usize| picture.stored(i).map(|v| (v * 255.0).round());
+    assert_eq!([codes(0), codes(1)], [[1.0, 2.0, 3.0, 255.0], [4.0, 5.0, 6.0, 255.0]]);
+    let predicted = tiff_pages(&[(&[1, 2, 3, 99, 3, 3, 3, 0], 4, &[(317, 2), (338, 0)])]);
+    assert!(refusal(&predicted).contains("further channels"), "{}", refusal(&predicted));
+    let backwards = tiff_pages(&[(&[1], 1, &[(266, 2)])]);
+    assert!(refusal(&backwards).contains("FillOrder 2"));
+}
+
+#[test]
+fn white_is_zero_is_turned_around() {
+    for (zero, want) in [(1, 200.0), (0, 55.0)] {
+        let picture = read(&tiff_pages(&[(&[200], 1, &[(262, zero)])]));
+        assert_eq!((picture.stored(0)[0] * 255.0).round(), want);
     }
 }

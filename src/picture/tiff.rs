@@ -20,6 +20,13 @@ const YCBCR_COEFFICIENTS: Tag = Tag::Unknown(529);
 /// Compression by JPEG within the file, by \[TIFFTN2\].
 const JPEG: u16 = 7;
 
+/// Version of the format of cameras' raw pictures that is built on TIFF.
+const DNG_VERSION: Tag = Tag::Unknown(50_706);
+/// Bit of NewSubfileType: a smaller version of another picture.
+const PREVIEW: u32 = 1;
+/// Bit of NewSubfileType: the transparency of another picture.
+const TRANSPARENCY: u32 = 4;
+
 type TiffDecoder<'a> = Decoder<Box<dyn Source + 'a>>;
 
 /// Reads the first picture of a file.
@@ -29,6 +36,7 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
     limits.intermediate_buffer_size = PICTURE_BUDGET as usize;
     limits.ifd_value_size = METADATA_BUDGET as usize;
     let mut decoder = Decoder::new(source).map_err(|e| refused(&e))?.with_limits(limits);
+    find_main_picture(&mut decoder)?;
     let kind = Kind::of(&mut decoder)?;
     let (width, height) = decoder.dimensions().map_err(|e| refused(&e))?;
     let turn = match reading.purpose.is_upright() {
@@ -64,6 +72,29 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
     Ok(picture)
 }
 
+/// Goes to the first picture that is neither a preview of another nor its mask.
+fn find_main_picture(decoder: &mut TiffDecoder) -> Result<(), Fault> {
+    if decoder.find_tag(DNG_VERSION).ok().flatten().is_some() {
+        return unsupported("it is a camera's raw picture (DNG)");
+    }
+    loop {
+        let kind = decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten();
+        if kind.unwrap_or(0) & (PREVIEW | TRANSPARENCY) == 0 {
+            return Ok(());
+        }
+        if !decoder.more_images() {
+            break;
+        }
+        decoder.next_image().map_err(|e| refused(&e))?;
+    }
+    decoder.seek_to_image(0).map_err(|e| refused(&e))?;
+    match decoder.find_tag(Tag::SubIfd).ok().flatten() {
+        // So cameras have it, with a preview before the picture.
+        Some(_) => unsupported("it shows a preview alone, and has its picture in a sub-directory (SubIFDs)"),
+        None => Ok(()),
+    }
+}
+
 /// What the samples of a file are.
 struct Kind {
     colour: ColorType,
@@ -82,7 +113,11 @@ impl Kind {
         match photometric {
             Some(3) => return unsupported("its colours are numbers of a palette"),
             Some(8 | 10) => return unsupported("its colours are CIE L*a*b*"),
+            Some(32_803 | 34_892) => return unsupported("it is a camera's raw picture"),
             _ => {}
+        }
+        if number(decoder, Tag::FillOrder) == Some(2) {
+            return unsupported("its bits run backwards in their bytes (FillOrder 2)");
         }
         let formats = decoder.find_tag_unsigned_vec::<u16>(Tag::SampleFormat).ok().flatten();
         let formats = formats.unwrap_or_default();
@@ -93,6 +128,12 @@ impl Kind {
         let extra = extra.and_then(|e| e.first().copied());
         let colour = decoder.colortype().map_err(|e| refused(&e))?;
         let bits = colour.bit_depth();
+        let n_samples = number(decoder, Tag::SamplesPerPixel).unwrap_or(1);
+        let is_predicted = number(decoder, Tag::Predictor).is_some_and(|p| p > 1);
+        // The crate leaves them out before it undoes the prediction, which then goes astray.
+        if is_predicted && colour.num_samples() < n_samples {
+            return unsupported("it has further channels, and is compressed with a predictor");
+        }
         let used = match colour {
             ColorType::Gray(_) => 1,
             // Grey with further samples.
@@ -290,7 +331,7 @@ fn unsupported<T>(what: &str) -> Result<T, Fault> {
 }
 
 /// What to do about a TIFF of a rare kind.
-const CURE: &str = "save it again as RGB TIFF of 8 or 16 bits or in floating point, or as PNG";
+const CURE: &str = "save it again as plain RGB TIFF of 8 or 16 bits or in floating point, or as PNG";
 
 #[cfg(test)]
 mod tests {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use image::{ImageFormat, RgbImage};
 use tempfile::TempDir;
 
-/// Side that the headers claim, pixels; WebP cannot say more than 16384.
+/// Side that the headers claim, pixels; WebP cannot say more than 16384, and its decoder takes that for 0.
 const SIDE: u32 = 60_000;
 
 fn encoded(format: ImageFormat) -> Vec<u8> {
@@ -102,10 +102,10 @@ fn tga() -> Vec<u8> {
 
 fn webp() -> Vec<u8> {
     let mut bytes = encoded(ImageFormat::WebP);
-    // [WebP lossless] 14 bits each of width - 1 and height - 1 behind the signature byte.
+    // [WebP lossless] 14 bits each of width - 1 and height - 1 behind the signature byte: 16383.
     let at = find(&bytes, b"VP8L") + 9;
     let header = u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    patch(&mut bytes, at, &(header | 0x0fff_ffff).to_le_bytes());
+    patch(&mut bytes, at, &(header & 0xf000_0000 | 0x0fff_bffe).to_le_bytes());
     bytes
 }
 

@@ -234,10 +234,10 @@ fn render(directory: &Path, options: &[&str]) -> Command {
 fn a_sky_with_a_bad_pixel_is_refused_by_name_and_a_tiny_negative_is_black() {
     let directory = tempfile::tempdir().unwrap();
     write_sky_scene(directory.path(), "sky-inf.exr");
-    let wanted = ["a.toml", "lights.env.image", "sky.exr", "the pixel at column 5, row 3 is inf"];
+    let wanted = ["a.toml", "lights.env.image", "sky.exr", "the pixel at column 10, row 4 is inf"];
     refused(&mut render(directory.path(), &[]), &wanted);
     write_sky_scene(directory.path(), "sky-negative.exr");
-    let said = "sky.exr: 1 value is negative and read as 0; the least, -0.00001, is at column";
+    let said = "sky.exr: 3 values are negative and read as 0; the least, -0.00001, is at column 10, row 4";
     render(directory.path(), &[]).assert().success().stderr(contains(said));
 }
 
@@ -332,4 +332,17 @@ fn what_is_no_file_is_refused_without_waiting() {
     refused(&mut evaluate(directory.path(), &data("mask.png")), &["no regular file"]);
     refused(&mut evaluate(Path::new("/dev/zero"), &data("mask.png")), &["/dev/zero", "no regular file"]);
     refused(&mut evaluate(&data("rgb8.png"), Path::new("/dev/zero")), &["/dev/zero", "no regular file"]);
+}
+
+#[test]
+fn pictures_in_formats_that_are_not_read_are_called_by_their_names() {
+    let directory = tempfile::tempdir().unwrap();
+    let gif = directory.path().join("a.gif");
+    fs::write(&gif, "GIF89a with nothing behind it").unwrap();
+    let wanted = ["a.gif", "it is a GIF, which is not read; save it as PNG"];
+    refused(&mut evaluate(&gif, &data("mask.png")), &wanted);
+    refused(&mut evaluate(&data("rgb8.png"), &gif), &wanted);
+    let mut target = program(directory.path());
+    target.args(["evaluate", "--target", "a.gif", "--mask"]).args([data("mask.png"), data("rgb8.png")]);
+    refused(&mut target, &wanted);
 }

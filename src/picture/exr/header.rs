@@ -62,6 +62,10 @@ pub struct Part {
     pub chromaticities: Option<Chromaticities>,
     /// Name of the colour space, where stated.
     pub color_space: Option<String>,
+    /// Width over height of a pixel, where stated.
+    pub pixel_aspect: Option<f64>,
+    /// Whether it shows the six sides of a cube.
+    pub is_cube_map: bool,
     /// Our attribute, `lightopt`.
     pub attribute: Option<String>,
     /// Number of chunks, where stated.
@@ -272,6 +276,9 @@ fn attribute(
             }
             part.chromaticities = Some(Chromaticities::from_list(v));
         }
+        ("pixelAspectRatio", "float") => part.pixel_aspect = Some(f64::from(stream.f32()?)),
+        // [OpenEXR] ENVMAP_CUBE
+        ("envmap", "envmap") => part.is_cube_map = stream.u8()? == 1,
         ("colorInteropID", "string") => part.color_space = Some(text(stream, size)?),
         ("oiio:ColorSpace", "string") if part.color_space.is_none() => {
             // A name that only its writer's configuration explains says nothing here.

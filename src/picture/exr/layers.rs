@@ -2,7 +2,7 @@
 //!
 //! A layer is what its channels' names have before the last dot, in a part of a name. It is a
 //! picture when it has R, G and B, or luminance with or without chroma (Y, RY, BY), or one
-//! channel of grey as Blender names it (V).
+//! channel of grey as Blender names it (V), or when its part has a single channel that can be grey.
 
 use super::ExrFault;
 use super::header::{Channel, Headers, Part};
@@ -11,6 +11,9 @@ use crate::files::nearest;
 /// Names of the layer that shows everything, in lower case: of Blender, Arnold, Houdini, Nuke,
 /// Redshift, V-Ray and Mitsuba.
 const WHOLE: [&str; 7] = ["beauty", "combined", "composite", "rgba", "rgb", "image", "c"];
+
+/// Names of the channel of a part that has a single one, when it is grey.
+const LONE: [&str; 6] = ["R", "G", "L", "luminance", "grey", "gray"];
 
 /// Most names that a message lists.
 const MAX_LISTED: usize = 12;
@@ -105,10 +108,11 @@ fn of_part(index: usize, part: &Part, default_view: Option<&str>) -> Vec<Layer> 
         };
         // With an X it is a vector.
         let grey = || find(&["Y", "V"]).filter(|_| find(&["X"]).is_none());
+        let lone = || find(&LONE).filter(|_| part.channels.len() == 1);
         let colours = all([&["R", "red"], &["G", "green"], &["B", "blue"]])
             .map(Colours::Rgb)
             .or_else(|| all([&["Y"], &["RY"], &["BY"]]).map(Colours::Chroma))
-            .or_else(|| grey().map(Colours::Grey))?;
+            .or_else(|| grey().or_else(lone).map(Colours::Grey))?;
         let name = joined(&part.name, prefix.trim_end_matches('.'));
         let view = |word: &&str| part.views.iter().any(|v| v == word) || part.view.as_deref() == Some(*word);
         let words = || name.split('.').filter(|w| !w.is_empty());
@@ -146,12 +150,15 @@ fn joined(part: &str, prefix: &str) -> String {
 /// then what ends so, then what sounds like it, then the first. In our files it is the first.
 ///
 /// # Errors
-/// When no layer is a picture, or none or several have the name.
+/// When no layer is a picture, all data are deep, or none or several layers have the name.
 pub fn choose<'a>(
     headers: &Headers,
     layers: &'a [Layer],
     wanted: Option<&str>,
 ) -> Result<&'a Layer, ExrFault> {
+    if layers.is_empty() && headers.parts.iter().all(|part| part.is_deep) {
+        return Err(ExrFault::Deep);
+    }
     let Some(name) = wanted else {
         let is_ours = headers.parts[0].attribute.is_some();
         let mut order: Vec<&Layer> = layers.iter().collect();

@@ -101,6 +101,8 @@ fn names_tell_which_layer_is_the_picture() {
         (&[("V.Combined_key", key), ("V.Combined", combined)], "V.Combined"),
         (&[("one", RGB), ("two", RGB)], "one"),
         (&[("depth", &["Z"]), ("grey", &["Y"])], "grey"),
+        (&[("depth", &["Z"]), ("lone", &["R"])], "lone"),
+        (&[("", &["G", "R"])], "needs channels R, G, B (or Y, or V), the file has `G`, `R`"),
         (&[("first", RGB), ("the_beauty_pass", RGB)], "the_beauty_pass"),
         (&[("depth", &["Z"])], "needs channels R, G, B (or Y, or V), the file has `depth/Z`"),
     ] {

@@ -83,8 +83,9 @@ impl TextureLoader {
         let channels = picture.channels;
         let (mut texels, encoding) = texels(picture, encoding)?;
         if let Samples::F32(values) = &mut texels {
-            let found = sanitised(values, channels, size[0]);
-            self.notes.extend(found.iter().map(|note| format!("{name}: {note}")));
+            for note in sanitised(values, channels, size[0]).into_iter().flatten() {
+                self.notes.push(format!("{name}: {note}"));
+            }
         }
         let mut image = Arc::new(Image::new(name, size, encoding, channels, texels));
         self.extents.push(image.extent());
@@ -124,21 +125,25 @@ fn texels(picture: Picture, encoding: Encoding) -> Result<(Samples, Encoding), F
     Ok((Samples::F32(linear), Encoding::Linear))
 }
 
-/// Puts 0 in the place of numbers that no material can have, not finite or negative; says how
-/// many were not finite, and where.
-fn sanitised(values: &mut [f32], channels: usize, width: usize) -> Option<String> {
-    let mut first = None;
-    let mut count = 0;
+/// Puts 0 in the place of numbers that no material can have; says how many are not finite and how
+/// many negative, and where the first is.
+fn sanitised(values: &mut [f32], channels: usize, width: usize) -> [Option<String>; 2] {
+    let mut strange: [(usize, Option<(usize, f32)>); 2] = [(0, None); 2];
     for (i, v) in values.iter_mut().enumerate() {
-        if !v.is_finite() {
-            count += 1;
-            first.get_or_insert((i / channels, *v));
-            *v = 0.0;
-        }
-        *v = v.max(0.0);
+        let kind = match *v {
+            v if !v.is_finite() => 0,
+            v if v < 0.0 => 1,
+            _ => continue,
+        };
+        strange[kind].0 += 1;
+        strange[kind].1.get_or_insert((i / channels, *v));
+        *v = 0.0;
     }
-    let (pixel, value) = first?;
-    let are = if count == 1 { "number is" } else { "numbers are" };
-    let (x, y) = (pixel % width, pixel / width);
-    Some(format!("{count} {are} not finite and read as 0; the first, {value}, is at column {x}, row {y}"))
+    let note = |what: &str, (count, first): (usize, Option<(usize, f32)>)| {
+        let (pixel, value) = first?;
+        let number = if count == 1 { "number is" } else { "numbers are" };
+        let (x, y) = (pixel % width, pixel / width);
+        Some(format!("{count} {number} {what} and read as 0; the first, {value}, is at column {x}, row {y}"))
+    };
+    [note("not finite", strange[0]), note("negative", strange[1])]
 }
