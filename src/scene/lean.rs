@@ -33,8 +33,14 @@ pub(super) fn bent(ns: Vec3, ng: Vec3, w: Vec3, reflects: bool) -> Option<Vec3> 
     // leans as the normal does at (reach, clearance).
     let reach = (along * along + height * height - clearance * clearance).max(0.0).sqrt();
     Some(if reflects {
-        // The normal is half-way between the viewer and the mirror direction.
-        (x * (along + reach) + ng * (height + clearance)).normalize_or(ng)
+        // The normal is half-way between the viewer and the mirror direction. Where these lean to opposite
+        // sides, `along + reach` would be a difference of nearly equal numbers.
+        let lean = if along < 0.0 {
+            (height - clearance) * (height + clearance) / (reach - along)
+        } else {
+            along + reach
+        };
+        (x * lean + ng * (height + clearance)).normalize_or(ng)
     } else {
         // The vector whose product with the viewer is `clearance` times its length.
         let (up, lean) = (height * clearance - along * reach, height * reach + along * clearance);
