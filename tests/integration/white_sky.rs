@@ -92,5 +92,7 @@ fn a_block_of_rough_glass_is_as_bright_as_the_sky() {
 o block\nusemtl m\nf 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
     let glass = "newmtl m\nNi 1.5\nPr 0.9\nillum 7\n";
     let room = Room::with(block, glass, &format!("schema = 1\n{CAMERA}{SKY}"));
-    assert_shows(mean(&room, "room.obj", "32"), 1.0);
+    // Light meets several surfaces, each within 0.0013 of losing nothing, and is noisier for it.
+    let shown = mean(&room, "room.obj", "32");
+    assert!((shown - 1.0).abs() < 0.01, "{shown}");
 }
