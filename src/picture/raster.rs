@@ -104,7 +104,7 @@ impl About {
 fn is_animated_webp(source: &mut (impl BufRead + Seek + ?Sized)) -> bool {
     let mut start = [0; 21];
     let is_read = source.seek(SeekFrom::Start(0)).is_ok() && source.read_exact(&mut start).is_ok();
-    is_read && &start[12..16] == b"VP8X" && start[20] & 0x02 != 0
+    is_read && start[12..16] == *b"VP8X" && start[20] & 0x02 != 0
 }
 
 /// How profiles of sRGB call themselves, in lower case.

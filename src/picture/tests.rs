@@ -261,9 +261,11 @@ fn premultiplied_colours_of_a_texture_are_divided_by_their_alpha() {
     }
 }
 
-/// A TIFF of uncompressed pages, each of one row of 8-bit samples and with further entries (tag, type
-/// 3, value) of its directory.
-fn tiff_pages(pages: &[(&[u8], u32, &[(u16, u32)])]) -> Vec<u8> {
+/// 8-bit samples of a row, their number to a pixel, and further entries (tag, value) of a directory.
+type Page<'a> = (&'a [u8], u32, &'a [(u16, u32)]);
+
+/// A TIFF of uncompressed pages, each of one row.
+fn tiff_pages(pages: &[Page]) -> Vec<u8> {
     let mut bytes = b"II*\0".to_vec();
     for (samples, n_samples, more) in pages {
         let data = bytes.len() as u32 + 4;
@@ -298,8 +300,9 @@ fn tiff_pages(pages: &[(&[u8], u32, &[(u16, u32)])]) -> Vec<u8> {
 
 #[test]
 fn a_preview_is_not_taken_for_the_picture_of_a_tiff() {
-    let (preview, mask): (&[(u16, u32)], &[(u16, u32)]) = (&[(254, 1)], &[(254, 4)]);
-    let first = |pages: &[(&[u8], u32, &[(u16, u32)])]| {
+    let preview: &[(u16, u32)] = &[(254, 1)];
+    let mask: &[(u16, u32)] = &[(254, 4)];
+    let first = |pages: &[Page]| {
         let picture = read(&tiff_pages(pages));
         (picture.width, (picture.stored(0)[0] * 255.0).round(), picture.notes)
     };
