@@ -216,11 +216,11 @@ fn of_a_file_with_camera_and_lights_the_main_object_is_found_as_stage_finds_it()
 #[test]
 fn what_the_camera_of_the_file_cannot_see_is_not_the_main_object() {
     // The camera looks from behind the wall.
-    let json = String::from_utf8_lossy(LIT_ROOM).into_owned();
-    let at = json.find("\"translation\":[0,1.2").unwrap();
-    let old = &json[at..at + json[at..].find(']').unwrap() + 1];
-    let new = format!("{:<1$}", "\"translation\":[0,1,-9]", old.len());
     let mut bytes = LIT_ROOM.to_vec();
+    let key = b"\"translation\":[0,1.2";
+    let at = bytes.windows(key.len()).position(|w| w == key).unwrap();
+    let length = bytes[at..].iter().position(|b| *b == b']').unwrap() + 1;
+    let new = format!("{:<1$}", "\"translation\":[0,1,-9]", length);
     bytes[at..at + new.len()].copy_from_slice(new.as_bytes());
     let room = Room::new();
     room.write("jar.glb", bytes);

@@ -325,8 +325,8 @@ mod tests {
     fn a_folded_screen_around_the_subject_is_a_wall() {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
-        add(&mut mesh, 1, [-1.5, 0.2, -1.0], [1.5, 2.0, -1.0]);
-        // Its wings come forward.
+        add(&mut mesh, 1, [-1.5, 0.2, -1.0], [0.0, 2.0, -1.0]);
+        // Its left wing comes forward.
         mesh.positions[32..].iter_mut().filter(|p| p.x < 0.0).for_each(|p| p.z = 0.5);
         add(&mut mesh, 1, [0.0, 0.2, -1.0], [1.5, 2.0, -1.0]);
         add(&mut mesh, 2, [-5.0, 0.0, -5.0], [5.0, 0.0, 5.0]);
