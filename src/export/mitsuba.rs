@@ -59,6 +59,8 @@ use self::{
     xml::{boolean, element, empty, float, indented, integer, list, null, plain, property, string, to_world},
 };
 use super::{ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part};
+use glam::DVec3;
+
 use crate::{
     camera::Camera,
     math::{Rgb, luminance},
@@ -259,9 +261,17 @@ impl Writer<'_> {
             "volpath",
             &(integer("max_depth", self.job.max_depth) + &boolean("hide_emitters", self.hide_emitters)),
         );
+        let origin = self.job.scene().origin;
+        let place = match origin.to_array() {
+            // Mitsuba counts in f32 too: it would lose what was read as f64.
+            [x, y, z] if origin != DVec3::ZERO => {
+                format!("    <!-- Add ({x}, {y}, {z}) for the coordinates of the scene file. -->\n")
+            }
+            _ => String::new(),
+        };
         let text = format!(
             "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n\
-             {}    <!-- Lights do not block: volpath passes through their null surfaces. -->\n\
+             {place}{}    <!-- Lights do not block: volpath passes through their null surfaces. -->\n\
              {}{}{}</scene>\n",
             indented(&property("default", "spp", 64)),
             indented(&integrator),

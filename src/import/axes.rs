@@ -1,6 +1,6 @@
 //! Length unit and up axis of an OBJ, which the format leaves open: conversion to metres, y up.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Deserialize;
 
 use crate::scene::mesh::{Mesh, is_proper};
@@ -14,6 +14,16 @@ pub enum UpAxis {
     Y,
     /// +z, as CAD programs have it; +y is then to the back.
     Z,
+}
+
+/// A point of the file in metres, y up.
+#[must_use]
+pub fn point_to_metres_y_up(p: DVec3, scale: f32, up: UpAxis) -> DVec3 {
+    let rotated = match up {
+        UpAxis::Y => p,
+        UpAxis::Z => DVec3::new(p.x, p.z, -p.y),
+    };
+    rotated * f64::from(scale)
 }
 
 /// Scales a mesh by `scale`, metres per unit of the file, and rotates it such that `up` becomes +y.

@@ -176,6 +176,11 @@ impl Source<'_> {
 
     fn build(&self, sidecar: &Sidecar, mut imported: Imported) -> Result<Loaded, ImportError> {
         self.place(sidecar, &mut imported)?;
+        Self { origin: imported.origin, ..self.clone() }.build_placed(sidecar, imported)
+    }
+
+    /// Builds the scene of a scene file in metres, y up.
+    fn build_placed(&self, sidecar: &Sidecar, mut imported: Imported) -> Result<Loaded, ImportError> {
         let camera = self.camera(sidecar, imported.camera)?;
         let mut is_main = self.main_object(sidecar, &mut imported)?;
         if let Some(spec) = &sidecar.backdrop {
@@ -199,6 +204,7 @@ impl Source<'_> {
         let scene =
             Scene::new(&name, mesh, materials, lights, camera).map_err(|source| self.embree(source))?;
         let mut scene = scene.with_background(background);
+        scene.origin = self.origin;
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
         Ok(Loaded { scene, constraints, warnings, staging: None })

@@ -1,6 +1,6 @@
 //! Content of a scene file, common to all formats.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::{
     math::Rgb,
@@ -16,8 +16,11 @@ const MAX_DERIVED_NAME: usize = 180;
 /// Content of a scene file, before the sidecar's overrides.
 #[derive(Debug, Default)]
 pub struct Imported {
-    /// Triangles in the file's units, with the normals that are rendered.
+    /// Triangles in the file's units, relative to `origin`, with the normals that are rendered.
     pub mesh: Mesh,
+    /// Place of the mesh's origin in the file's coordinates, see [`origin`](super::origin): zero in a scene
+    /// near the origin. Cameras and lights are relative to it too.
+    pub origin: DVec3,
     /// Objects and groups that triangles belong to, indexed by [`Mesh::objects`].
     pub parts: Vec<Part>,
     /// Material names and parameters, indexed by [`Mesh::materials`].

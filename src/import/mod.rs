@@ -14,6 +14,7 @@ pub mod imported;
 pub mod mtl;
 pub mod mtl_params;
 pub mod obj;
+pub mod origin;
 pub mod sidecar;
 pub mod stage;
 pub mod wavefront;

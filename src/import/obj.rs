@@ -5,13 +5,14 @@
 
 use std::{collections::HashMap, path::Path};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::{
     error::ImportError,
     imported::{Imported, Part},
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
+    origin::Spread,
     wavefront::{self, NormalizedObj},
 };
 use crate::{
@@ -69,11 +70,16 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
     let default_material = materials.len() as u32;
     let mut raw = Mesh::default();
     let mut dropped = plain.n_short;
+    let mut spread = Spread::default();
+    for model in &models {
+        spread.extend(model.mesh.positions.chunks_exact(3).map(DVec3::from_slice));
+    }
+    let origin = spread.origin();
     for model in &models {
         // Named so by `wavefront`; a file without faces has one model of another name.
         let Ok(part) = model.name.parse() else { continue };
         let material = model.mesh.material_id.map_or(default_material, |m| m as u32);
-        dropped += append(&mut raw, &model.mesh, part, material);
+        dropped += append(&mut raw, &model.mesh, part, material, origin);
     }
     match dropped {
         0 => {}
@@ -87,7 +93,7 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
         return Err(ImportError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
     }
     let mesh = with_normals(&raw, &plain.parts, crease);
-    Ok(Imported { mesh, parts: plain.parts, materials, warnings, ..Imported::default() })
+    Ok(Imported { mesh, origin, parts: plain.parts, materials, warnings, ..Imported::default() })
 }
 
 /// Reads all material libraries, and adds a grey material for every name that none defines.
@@ -144,13 +150,15 @@ fn material_library(
     Ok(library)
 }
 
-/// Appends the triangles of a model, with zero for absent normals; returns how many were degenerate
-/// and left out.
-fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32) -> usize {
+/// Appends the triangles of a model relative to `origin`, with zero for absent normals; returns how many
+/// were degenerate and left out.
+fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32, origin: DVec3) -> usize {
     let base = mesh.positions.len() as u32;
-    mesh.positions.extend(m.positions.chunks_exact(3).map(Vec3::from_slice));
-    mesh.normals.extend(m.normals.chunks_exact(3).map(|n| Vec3::from_slice(n).normalize_or_zero()));
-    let uvs = m.texcoords.chunks_exact(2).map(Vec2::from_slice);
+    let relative = |p: &[f64]| (DVec3::from_slice(p) - origin).as_vec3();
+    mesh.positions.extend(m.positions.chunks_exact(3).map(relative));
+    let normals = m.normals.chunks_exact(3).map(|n| DVec3::from_slice(n).as_vec3());
+    mesh.normals.extend(normals.map(Vec3::normalize_or_zero));
+    let uvs = m.texcoords.chunks_exact(2).map(|uv| DVec2::from_slice(uv).as_vec2());
     mesh.uvs.extend(uvs.map(|uv| if uv.is_finite() { uv } else { Vec2::ZERO }));
     let before = mesh.indices.len();
     for t in m.indices.chunks_exact(3) {

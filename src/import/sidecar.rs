@@ -59,9 +59,9 @@ pub struct Sidecar {
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
     /// Position of the pinhole or of the lens's centre, metres.
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     /// Point at the centre of the picture, metres.
-    pub look_at: [f32; 3],
+    pub look_at: [f64; 3],
     /// Up vector; +y by default.
     #[serde(default = "up")]
     pub up: [f32; 3],
@@ -87,7 +87,7 @@ pub struct Selection {
     #[serde(default)]
     pub materials: Vec<String>,
     /// Least and largest corner of a box, metres, that selects the triangles wholly inside.
-    pub inside: Option<[[f32; 3]; 2]>,
+    pub inside: Option<[[f64; 3]; 2]>,
 }
 
 /// `[backdrop]`: a seamless sweep, a floor that bends up into a wall.
@@ -96,7 +96,7 @@ pub struct Selection {
 pub struct BackdropSpec {
     /// Reference point on the floor, metres; the origin by default.
     #[serde(default)]
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     /// Rotation about +y, degrees; at 0, the default, the wall faces +z.
     #[serde(default)]
     pub turn: f32,
@@ -174,9 +174,9 @@ pub struct LightSpec {
     #[serde(rename = "type")]
     pub kind: LightType,
     /// Centre, metres.
-    pub position: Option<[f32; 3]>,
+    pub position: Option<[f64; 3]>,
     /// A point on the emitting side, in front of the centre, metres.
-    pub look_at: Option<[f32; 3]>,
+    pub look_at: Option<[f64; 3]>,
     /// Up vector of a rectangle, along which its height runs; +y by default.
     pub up: Option<[f32; 3]>,
     /// Half-extents of a rectangle across and up at size 1, metres.

@@ -155,11 +155,16 @@ impl SurfaceInteraction<'_> {
 /// corners relative to the ray's origin, so that what it makes of the height is off by the triangle's
 /// extent, not by its place: with E the sides of the bounding box, n the unit normal and A the area by
 /// up to (Σ E·|n| + 3 E_x E_y E_z / A) half epsilons, of which random triangles, slivers among them,
-/// reached a quarter. Twice as much is taken. What lies along the axes is exact, of any size.
+/// reached a quarter. Twice as much is taken. What lies along the axes is exact, of any size; but a ray
+/// that starts at no height at all meets its own triangle, hence [`LEAST_CLEARANCE`].
 pub(super) fn clearance_at(corners: [Vec3; 3], p: Vec3) -> f32 {
     let n = face_normal64(corners);
     clearance(corners, n, n.length(), p)
 }
+
+/// Least clearance over the largest side of a triangle's bounding box, epsilons: above zero, and so far from
+/// it that its product with the triangle's area does not underflow.
+const LEAST_CLEARANCE: f64 = 1.0 / 1024.0;
 
 /// [`clearance_at`] with the normal `n` of length `twice_area`.
 fn clearance(corners: [Vec3; 3], n: DVec3, twice_area: f64, p: Vec3) -> f32 {
@@ -167,11 +172,13 @@ fn clearance(corners: [Vec3; 3], n: DVec3, twice_area: f64, p: Vec3) -> f32 {
     let extent = (a.max(b).max(c) - a.min(b).min(c)).as_dvec3();
     let of_query = extent.dot(n.abs()) + 6.0 * extent.x * extent.y * extent.z;
     let of_point = 0.5 * p.abs().as_dvec3().dot(n.abs());
-    if twice_area > 0.0 {
-        (f64::from(f32::EPSILON) * (of_query + of_point) / twice_area) as f32
+    let least = LEAST_CLEARANCE * extent.max_element();
+    let epsilons = if twice_area > 0.0 {
+        ((of_query + of_point) / twice_area).max(least)
     } else {
-        f32::EPSILON * (p.abs().max_element() + extent.as_vec3().max_element())
-    }
+        f64::from(p.abs().max_element()) + extent.max_element()
+    };
+    (f64::from(f32::EPSILON) * epsilons) as f32
 }
 
 /// Height above a triangle, metres, at which a ray that starts at any point of it is clear of it.

@@ -11,7 +11,7 @@ pub mod relief;
 pub mod texture;
 mod visibility;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::{
     camera::Camera,
@@ -55,6 +55,9 @@ pub struct Scene {
     pub camera: Camera,
     /// Factor on luminance before display encoding that the scene's author gave.
     pub exposure: f32,
+    /// Place of the scene's origin in the coordinates of its file, metres: not zero where these are too far
+    /// from theirs for `f32`.
+    pub origin: DVec3,
     /// Whether each triangle belongs to the main object.
     pub is_main: Vec<bool>,
     /// Indices of the materials whose base colour the background's value scales.
@@ -139,6 +142,7 @@ impl Scene {
             lights,
             camera,
             exposure: 1.0,
+            origin: DVec3::ZERO,
             background: Vec::new(),
         })
     }

@@ -109,7 +109,8 @@ impl Scene {
             if !(self.is_translucent && self.materials[material].is_translucent()) {
                 return Some(hit.prim);
             }
-            ray.t_min = hit.t;
+            // Embree counts a hit at `t_min` itself.
+            ray.t_min = hit.t.next_up();
         }
         None
     }

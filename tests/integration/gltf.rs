@@ -588,3 +588,29 @@ fn no_number_of_a_file_makes_it_panic() {
         }
     }
 }
+
+#[test]
+fn nodes_far_from_the_origin_keep_their_shape() {
+    let at = |x: f64, y: f64, z: f64| json!([500_000.25 + x, y, 4_500_000.125 + z]);
+    let s = load(&[
+        ("/nodes/0/translation", at(0.0, 0.0, 0.0)),
+        ("/nodes/2/translation", at(0.0, 0.0, 3.0)),
+        ("/nodes/3/translation", at(0.0, 1.0, 2.0)),
+    ]);
+    let near = load(&[]);
+    assert_eq!(near.origin, glam::DVec3::ZERO);
+    let shift = glam::DVec3::new(500_000.25, 0.0, 4_500_000.125) - s.origin;
+    assert!(shift.length() < 4.0, "{}", s.origin);
+    let shift = shift.as_vec3();
+    for (a, b) in near.mesh.positions.iter().zip(&s.mesh.positions) {
+        assert!((*b - *a - shift).length() < 1e-6, "{a} {b}");
+    }
+    assert!((s.camera.unwrap().position - near.camera.unwrap().position - shift).length() < 1e-6);
+    assert!((s.lights[0].position - near.lights[0].position - shift).length() < 1e-6);
+    // Two large translations that cancel.
+    let s = load(&[
+        ("/nodes/0/translation", at(0.0, 0.0, 0.0)),
+        ("/nodes/1/translation", json!([-500_000.25, 0.0, -4_500_000.125])),
+    ]);
+    assert_eq!((s.origin, s.mesh.positions), (glam::DVec3::ZERO, near.mesh.positions));
+}

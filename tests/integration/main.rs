@@ -7,6 +7,7 @@ mod basis;
 mod evaluate;
 mod export;
 mod exr_bytes;
+mod far;
 mod figures;
 mod gltf;
 mod known_optimum;

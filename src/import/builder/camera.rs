@@ -30,21 +30,22 @@ impl Source<'_> {
         if !(c.vfov > 0.0 && c.vfov < 180.0) {
             return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
         }
-        for (key, value) in
-            [("camera.position", c.position), ("camera.look_at", c.look_at), ("camera.up", c.up)]
-        {
-            self.finite(key, value)?;
-        }
+        let (position, look_at) = self.camera_points(c)?;
+        self.finite("camera.up", c.up)?;
         if !is_film_size(c.size.into()) {
             let allowed = format!("must be at least 1 x 1 and at most {MAX_PIXELS} pixels");
             return Err(self.error("camera.size", format!("{allowed}, got {:?}", c.size)));
         }
-        let camera =
-            Camera::new(c.position.into(), c.look_at.into(), c.up.into(), c.vfov, UVec2::from_array(c.size))
-                .ok_or_else(|| {
-                    self.error("camera.look_at", "must differ from `position` and not lie along `up`")
-                })?;
+        let camera = Camera::new(position, look_at, c.up.into(), c.vfov, UVec2::from_array(c.size))
+            .ok_or_else(|| {
+                self.error("camera.look_at", "must differ from `position` and not lie along `up`")
+            })?;
         Ok(camera.with_lens(self.lens(c)?))
+    }
+
+    /// Position of the sidecar's camera and the point that it looks at.
+    fn camera_points(&self, c: &CameraSpec) -> Result<(Vec3, Vec3), ImportError> {
+        Ok((self.point("camera.position", c.position)?, self.point("camera.look_at", c.look_at)?))
     }
 
     /// The thin lens, focused on `look_at` where the sidecar does not say; `None` for a pinhole.
@@ -54,7 +55,8 @@ impl Source<'_> {
             (None, Some(_)) => Err(self.error("camera.focus_distance", "needs `aperture_radius`")),
             (Some(radius), focus) => {
                 let radius = self.positive("camera.aperture_radius", radius)?;
-                let looked_at = Vec3::from(c.look_at).distance(c.position.into());
+                let (position, look_at) = self.camera_points(c)?;
+                let looked_at = look_at.distance(position);
                 let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or(looked_at))?;
                 Ok(Some(Lens { radius, focus_distance }))
             }

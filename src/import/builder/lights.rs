@@ -162,8 +162,7 @@ impl LightReader<'_> {
 
     fn position(&self) -> Result<Vec3, ImportError> {
         let position = self.spec.position.ok_or_else(|| self.missing("position"))?;
-        self.source.finite(&self.key("position"), position)?;
-        Ok(position.into())
+        self.source.point(&self.key("position"), position)
     }
 
     fn radius(&self) -> Result<f32, ImportError> {
@@ -173,8 +172,8 @@ impl LightReader<'_> {
     /// Unit direction from `center` to `look_at`.
     fn direction(&self, center: Vec3) -> Result<Vec3, ImportError> {
         let target = self.spec.look_at.ok_or_else(|| self.missing("look_at"))?;
-        self.source.finite(&self.key("look_at"), target)?;
-        (Vec3::from_array(target) - center).try_normalize().ok_or_else(|| {
+        let target = self.source.point(&self.key("look_at"), target)?;
+        (target - center).try_normalize().ok_or_else(|| {
             let default = if self.spec.position.is_none() { ", which is the origin" } else { "" };
             self.error("look_at", format!("must differ from `position`{default}"))
         })
@@ -219,7 +218,10 @@ impl LightReader<'_> {
     }
 
     fn distant(&self) -> Result<Shape, ImportError> {
-        let position = if self.spec.position.is_some() { self.position()? } else { Vec3::ZERO };
+        let position = match self.spec.position {
+            Some(_) => self.position()?,
+            None => self.source.point("position", [0.0; 3])?,
+        };
         Ok(distant(self.direction(position)?))
     }
 

@@ -1,11 +1,9 @@
 //! Placement of geometry: units and axes of an OBJ, and the backdrop.
 
-use glam::Vec3;
-
 use super::source::Source;
 use crate::{
     import::{
-        axes::to_metres_y_up,
+        axes::{point_to_metres_y_up, to_metres_y_up},
         backdrop::{self, Sweep},
         error::ImportError,
         imported::{Imported, Part},
@@ -22,7 +20,9 @@ impl Source<'_> {
             return Err(self.error(*key, "only for an OBJ: a glTF is in metres, y up"));
         }
         let scale = self.positive("scale", sidecar.scale.unwrap_or(1.0))?;
-        let n_lost = to_metres_y_up(&mut imported.mesh, scale, sidecar.up_axis.unwrap_or_default());
+        let up = sidecar.up_axis.unwrap_or_default();
+        let n_lost = to_metres_y_up(&mut imported.mesh, scale, up);
+        imported.origin = point_to_metres_y_up(imported.origin, scale, up);
         if imported.mesh.indices.is_empty() {
             let message = format!("no triangle is left of those that are {scale} as large");
             return Err(self.error("scale", message));
@@ -54,7 +54,7 @@ impl Source<'_> {
     }
 
     fn sweep(&self, spec: &BackdropSpec) -> Result<Sweep, ImportError> {
-        self.finite("backdrop.position", spec.position)?;
+        let position = self.point("backdrop.position", spec.position)?;
         if !spec.turn.is_finite() {
             return Err(self.error("backdrop.turn", format!("must be finite, got {}", spec.turn)));
         }
@@ -75,7 +75,6 @@ impl Source<'_> {
             let message = format!("must be > 0 and at most `back` and `height`, got {radius}");
             return Err(self.error("backdrop.radius", message));
         }
-        let position = Vec3::from_array(spec.position);
         Ok(Sweep { position, turn: spec.turn.to_radians(), front, back, width, height, radius })
     }
 }

@@ -1,6 +1,6 @@
 //! Selections by name or place: the main object and the background.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::source::Source;
 use crate::{
@@ -125,13 +125,14 @@ impl Source<'_> {
 
     /// Whether a point is in the box of a selection; never if it has none.
     fn inside(&self, selection: &Selection) -> Result<impl Fn(Vec3) -> bool + use<>, ImportError> {
-        let corners = selection.inside.map(|c| c.map(Vec3::from_array));
-        if let Some([lo, hi]) = corners
+        let given = selection.inside.map(|c| c.map(DVec3::from_array));
+        if let Some([lo, hi]) = given
             && !lo.cmple(hi).all()
         {
             let message = format!("must be two corners, the lesser first, got {lo} and {hi}");
             return Err(self.error("main_object.inside", message));
         }
+        let corners = given.map(|c| c.map(|corner| (corner - self.origin).as_vec3()));
         Ok(move |p: Vec3| corners.is_some_and(|[lo, hi]| p.cmpge(lo).all() && p.cmple(hi).all()))
     }
 }

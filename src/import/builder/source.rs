@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use glam::{DVec3, Vec3};
+
 use crate::{
     embree::{EmbreeError, MAX_COORDINATE},
     files::{nearest, reach::Reach},
@@ -13,6 +15,7 @@ use crate::{
 const MAX_LISTED: usize = 12;
 
 /// A scene file and its sidecar.
+#[derive(Clone)]
 pub struct Source<'a> {
     /// Path of the scene file.
     pub scene_path: &'a Path,
@@ -22,12 +25,15 @@ pub struct Source<'a> {
     pub is_obj: bool,
     /// What both files may read.
     pub reach: Reach,
+    /// Place of the scene's origin in the coordinates of the files, metres, y up.
+    pub origin: DVec3,
 }
 
 impl<'a> Source<'a> {
     /// The source of a scene file and a sidecar; the format follows from the file's ending.
     pub fn new(scene_path: &'a Path, sidecar_path: &'a Path, reach: Reach) -> Self {
-        Self { scene_path, sidecar_path, is_obj: ending(scene_path) == Some("obj"), reach }
+        let is_obj = ending(scene_path) == Some("obj");
+        Self { scene_path, sidecar_path, is_obj, reach, origin: DVec3::ZERO }
     }
 
     /// The error of a key of the sidecar.
@@ -89,6 +95,20 @@ impl<'a> Source<'a> {
             return Ok(color);
         }
         Err(self.error(key, format!("channels must be in [0, 1], got {value:?}")))
+    }
+
+    /// The point of the scene that the sidecar gives in the scene file's coordinates; each must be finite and
+    /// of a magnitude that Embree accepts.
+    pub fn point(&self, key: &str, value: [f64; 3]) -> Result<Vec3, ImportError> {
+        if !value.iter().all(|v| v.is_finite()) {
+            return Err(self.error(key, format!("must be finite, got {value:?}")));
+        }
+        let p = (DVec3::from_array(value) - self.origin).as_vec3();
+        if value.iter().any(|v| v.abs() > f64::from(MAX_COORDINATE)) {
+            let message = format!("must be at most {MAX_COORDINATE:e} in magnitude, got {value:?}");
+            return Err(self.error(key, message));
+        }
+        Ok(p)
     }
 
     /// Checks that coordinates are finite and of a magnitude that Embree accepts.

@@ -59,6 +59,8 @@ pub struct File {
     pub path: PathBuf,
     /// Parsed JSON, without the animations.
     pub root: Root,
+    /// Places of the nodes with all digits that the file has.
+    pub places: Vec<Place>,
     /// What the file may read.
     pub reach: Reach,
     /// What the file has asked for so far.
@@ -74,6 +76,26 @@ struct Head {
     asset: Asset,
     #[serde(default)]
     extensions_required: Vec<String>,
+}
+
+/// The members in which a node's place is read as `f64`.
+#[derive(serde::Deserialize)]
+struct Places {
+    #[serde(default)]
+    nodes: Vec<Place>,
+}
+
+/// Place of a node in its parent, glTF 2.0 section 3.5.3.
+#[derive(serde::Deserialize)]
+pub struct Place {
+    /// Transformation, by columns; stands for the three others.
+    pub matrix: Option<[f64; 16]>,
+    /// Translation.
+    pub translation: Option<[f64; 3]>,
+    /// Rotation, a quaternion x, y, z, w.
+    pub rotation: Option<[f64; 4]>,
+    /// Scale.
+    pub scale: Option<[f64; 3]>,
 }
 
 #[derive(serde::Deserialize)]
@@ -105,9 +127,11 @@ impl File {
             return Err(broken(format!("requires the extension {name}, {}", not_read(name))));
         }
         let root = parse(json).map_err(broken)?;
+        let places = serde_json::from_slice::<Places>(json).map_or_else(|_| Vec::new(), |p| p.nodes);
         let budget = Budget::default();
         budget.extend(bytes.len());
-        let mut file = Self { path: path.into(), root, reach: reach.clone(), budget, buffers: Vec::new() };
+        let mut file =
+            Self { path: path.into(), root, places, reach: reach.clone(), budget, buffers: Vec::new() };
         file.read_buffers(bin)?;
         Ok(file)
     }

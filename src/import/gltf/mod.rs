@@ -18,7 +18,7 @@ mod warnings;
 
 use std::{collections::HashMap, path::Path, sync::Arc};
 
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 
 use self::{
     camera::Cameras,
@@ -51,7 +51,8 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// Those of [`load`], and when the glTF names a file out of reach.
 pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> {
     let file = File::read(path, reach)?;
-    let nodes = nodes::scene_nodes(&file)?;
+    let mut nodes = nodes::scene_nodes(&file)?;
+    let origin = nodes::center(&file, &mut nodes)?;
     let mut reader = Reader {
         worlds: nodes.iter().map(|n| (n.index, n.world)).collect(),
         file: &file,
@@ -61,6 +62,7 @@ pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> 
         part_ids: HashMap::new(),
         cameras: Cameras::default(),
         lights: Vec::new(),
+        origin,
         warnings: Warnings::default(),
     };
     for (i, _) in nodes.iter().enumerate().filter(|(_, n)| n.is_visible) {
@@ -80,6 +82,8 @@ struct Reader<'a> {
     part_ids: HashMap<Part, u32>,
     cameras: Cameras,
     lights: Vec<ImportedLight>,
+    /// Place of the scene's origin in the file's coordinates.
+    origin: DVec3,
     warnings: Warnings,
 }
 
@@ -143,6 +147,7 @@ impl Reader<'_> {
         }
         Ok(Imported {
             mesh,
+            origin: self.origin,
             parts: self.parts,
             materials: materials.list,
             warnings: warnings.into_lines(),

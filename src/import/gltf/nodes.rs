@@ -2,11 +2,15 @@
 
 use std::collections::HashMap;
 
-use glam::{Mat4, Quat, Vec3};
-use gltf_json::{Accessor, Index, Node, Skin};
+use glam::{BVec3, DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
+use gltf_json::{Accessor, Index, Node, Skin, mesh::Semantic, validation::Checked};
 
-use super::file::File;
-use crate::import::{budget::MAX_DEPTH, error::ImportError, imported::Part};
+use super::file::{File, Place};
+use crate::import::{budget::MAX_DEPTH, error::ImportError, imported::Part, origin::Spread};
+
+/// Boxes of meshes by which the place of a scene is found, at most: so many take some milliseconds, and tell
+/// as much as all.
+const MAX_BOXES: usize = 1 << 18;
 
 /// A node of the default scene.
 pub struct SceneNode {
@@ -18,6 +22,8 @@ pub struct SceneNode {
     depth: usize,
     /// Transformation from the node's coordinates to world space.
     pub world: Mat4,
+    /// The same in `f64`, where the file has more digits than `f32` keeps.
+    exact: DMat4,
     /// Whether neither the node nor an ancestor is hidden by `KHR_node_visibility`.
     pub is_visible: bool,
 }
@@ -43,10 +49,12 @@ pub fn scene_nodes(file: &File) -> Result<Vec<SceneNode>, ImportError> {
         if std::mem::replace(&mut is_met[index], true) {
             return Err(file.error(key, format!("node {index} stands in the tree twice")));
         }
-        let (above, was_visible) =
-            parent.map_or((Mat4::IDENTITY, true), |p| (out[p].world, out[p].is_visible));
+        let (above, exact_above, was_visible) = parent.map_or((Mat4::IDENTITY, DMat4::IDENTITY, true), |p| {
+            (out[p].world, out[p].exact, out[p].is_visible)
+        });
         let world = above * local(json);
-        if !world.is_finite() {
+        let exact = exact_above * file.places.get(index).map_or(DMat4::IDENTITY, exact_local);
+        if !world.is_finite() || !exact.is_finite() {
             return Err(file.error(format!("nodes[{index}]"), "its transformation must be finite"));
         }
         let visibility = json.extensions.as_ref().and_then(|e| e.others.get("KHR_node_visibility"));
@@ -56,7 +64,7 @@ pub fn scene_nodes(file: &File) -> Result<Vec<SceneNode>, ImportError> {
             return Err(file.error(key, format!("the tree of nodes is more than {MAX_DEPTH} deep")));
         }
         let id = out.len();
-        out.push(SceneNode { index, parent, depth, world, is_visible: was_visible && !is_hidden });
+        out.push(SceneNode { index, parent, depth, world, exact, is_visible: was_visible && !is_hidden });
         next.extend(json.children.iter().flatten().rev().map(|&child| (child, Some(id))));
     }
     Ok(out)
@@ -71,6 +79,97 @@ fn local(node: &Node) -> Mat4 {
         node.rotation.map_or(Quat::IDENTITY, |q| rotation(q.0)),
         node.translation.map_or(Vec3::ZERO, Vec3::from_array),
     )
+}
+
+fn exact_local(place: &Place) -> DMat4 {
+    if let Some(m) = &place.matrix {
+        return DMat4::from_cols_array(m);
+    }
+    let rotation = place.rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
+    DMat4::from_scale_rotation_translation(
+        place.scale.map_or(DVec3::ONE, DVec3::from_array),
+        if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY },
+        place.translation.map_or(DVec3::ZERO, DVec3::from_array),
+    )
+}
+
+/// Moves the nodes to the origin that is right for the scene, see
+/// [`origin`](crate::import::origin), and returns it. Those of a scene that is near it stay as they are.
+///
+/// # Errors
+/// When an accessor of positions or an attribute of instances cannot be read.
+pub fn center(file: &File, nodes: &mut [SceneNode]) -> Result<DVec3, ImportError> {
+    let mut spread = spread(file, nodes, stated_bounds)?;
+    if spread.origin() != DVec3::ZERO {
+        // What accessors state of themselves may be wrong.
+        spread = self::spread(file, nodes, found_bounds)?;
+    }
+    let origin = spread.origin();
+    let is_far = |n: &SceneNode| spread.is_far(n.exact.w_axis.truncate());
+    let has_far_parent = |n: &SceneNode| n.parent.is_some_and(|p| is_far(&nodes[p]));
+    if origin != DVec3::ZERO || nodes.iter().any(has_far_parent) {
+        let moved = DMat4::from_translation(-origin);
+        nodes.iter_mut().for_each(|n| n.world = (moved * n.exact).as_mat4());
+    }
+    Ok(origin)
+}
+
+/// Least and largest coordinates of an accessor's positions; `None` where there are none.
+type Bounds = fn(&File, &str, Index<Accessor>) -> Result<Option<[DVec3; 2]>, ImportError>;
+
+/// Where the corners of the boxes around the visible meshes lie. Skins, which nodes do not place, are
+/// left out.
+fn spread(file: &File, nodes: &[SceneNode], bounds: Bounds) -> Result<Spread, ImportError> {
+    let mut spread = Spread::default();
+    let mut n_boxes = 0;
+    for node in nodes.iter().filter(|n| n.is_visible) {
+        let json = &file.root.nodes[node.index];
+        let (Some(mesh), None) = (json.mesh, json.skin) else { continue };
+        let key = format!("nodes[{}]", node.index);
+        let mesh = file.get(&format!("{key}.mesh"), mesh)?;
+        let instances = instances(file, &key, json)?;
+        let position = Checked::Valid(Semantic::Positions);
+        for &accessor in mesh.primitives.iter().filter_map(|p| p.attributes.get(&position)) {
+            if n_boxes >= MAX_BOXES {
+                return Ok(spread);
+            }
+            let Some([lo, hi]) = bounds(file, &key, accessor)? else { continue };
+            for instance in instances.iter().take(MAX_BOXES.saturating_sub(n_boxes)) {
+                n_boxes += 1;
+                let world = node.exact * instance.as_dmat4();
+                let corner = |i: u8| DVec3::select(BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0), hi, lo);
+                spread.extend((0..8).map(|i| world.transform_point3(corner(i))));
+            }
+        }
+    }
+    Ok(spread)
+}
+
+fn stated_bounds(
+    file: &File,
+    key: &str,
+    accessor: Index<Accessor>,
+) -> Result<Option<[DVec3; 2]>, ImportError> {
+    let accessor = file.get(key, accessor)?;
+    let corner = |bound: &serde_json::Value| {
+        let at = |i: usize| bound.get(i)?.as_f64();
+        Some(DVec3::new(at(0)?, at(1)?, at(2)?))
+    };
+    let [lo, hi] = [&accessor.min, &accessor.max].map(|bound| bound.as_ref().and_then(corner));
+    Ok(lo.zip(hi).map(|(lo, hi)| [lo, hi]))
+}
+
+fn found_bounds(
+    file: &File,
+    key: &str,
+    accessor: Index<Accessor>,
+) -> Result<Option<[DVec3; 2]>, ImportError> {
+    if file.get(key, accessor)?.buffer_view.is_none() {
+        return Ok(None);
+    }
+    let positions = file.elements::<3>(key, accessor)?.into_iter().map(DVec3::from_array);
+    let bounds = positions.map(|p| [p, p]).reduce(|[lo, hi], [p, _]| [lo.min(p), hi.max(p)]);
+    Ok(bounds)
 }
 
 fn rotation(q: [f32; 4]) -> Quat {

@@ -171,10 +171,12 @@ fn plan<'a>(
     };
     let floor = Bounds::of(mesh.indices.iter().flatten().map(|&i| mesh.positions[i as usize])).lo.y;
     let needs_backdrop = !has_camera && !subject.has_floor;
+    let origin = axes::point_to_metres_y_up(imported.origin, scale.unwrap_or(1.0), options.up_axis);
     Ok(Plan {
         file,
         scale,
         up_axis: options.up_axis,
+        origin,
         camera: (!has_camera).then_some(view),
         main_object,
         backdrop: needs_backdrop.then(|| rig::backdrop(&around, floor, &view)),

@@ -1,5 +1,7 @@
 //! A staged scene before it is written as a sidecar.
 
+use glam::DVec3;
+
 use super::{frame::View, rig::StagedLight};
 use crate::{
     import::{axes::UpAxis, backdrop::Sweep},
@@ -15,6 +17,8 @@ pub struct Plan<'a> {
     pub scale: Option<f32>,
     /// Axis of the file that points up.
     pub up_axis: UpAxis,
+    /// Place of the plan's origin in the file's coordinates.
+    pub origin: DVec3,
     /// Staged camera; `None` where the file has its own.
     pub camera: Option<View>,
     /// How the sidecar selects the main object.

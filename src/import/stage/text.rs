@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     plan::{MainObject, Plan},
@@ -70,13 +70,19 @@ impl Decimals {
     }
 
     fn one(self, v: f32) -> String {
+        self.exact(f64::from(v))
+    }
+
+    fn exact(self, v: f64) -> String {
         let text = format!("{v:.*}", self.0);
         // Not -0.000.
         if text.chars().any(|c| c.is_ascii_digit() && c != '0') { text } else { "0.0".into() }
     }
 
-    fn three(self, v: Vec3) -> String {
-        format!("[{}, {}, {}]", self.one(v.x), self.one(v.y), self.one(v.z))
+    /// The point `p` of the plan in the file's coordinates.
+    fn point(self, plan: &Plan, p: Vec3) -> String {
+        let DVec3 { x, y, z } = p.as_dvec3() + plan.origin;
+        format!("[{}, {}, {}]", self.exact(x), self.exact(y), self.exact(z))
     }
 }
 
@@ -100,15 +106,15 @@ pub fn sidecar(plan: &Plan) -> String {
             &mut out,
             format_args!(
                 "\n[camera]\nposition = {}\nlook_at = {}\nvfov = {:.2}\nsize = [{width}, {height}]\n",
-                n.three(view.eye),
-                n.three(view.look_at),
+                n.point(plan, view.eye),
+                n.point(plan, view.look_at),
                 view.vfov
             ),
         );
     }
     main_object(&mut out, plan, n);
     if let Some(sweep) = &plan.backdrop {
-        backdrop(&mut out, sweep, n);
+        backdrop(&mut out, plan, sweep, n);
     }
     lights(&mut out, plan, n);
     out
@@ -131,13 +137,13 @@ fn main_object(out: &mut String, plan: &Plan, n: Decimals) {
         }
         MainObject::Inside(bounds) => {
             let margin = BOX_MARGIN * radius(bounds);
-            let (lo, hi) = (n.three(bounds.lo - margin), n.three(bounds.hi + margin));
+            let (lo, hi) = (n.point(plan, bounds.lo - margin), n.point(plan, bounds.hi + margin));
             push(out, format_args!("\n[main_object]\ninside = [{lo}, {hi}]\n"));
         }
     }
 }
 
-fn backdrop(out: &mut String, sweep: &Sweep, n: Decimals) {
+fn backdrop(out: &mut String, plan: &Plan, sweep: &Sweep, n: Decimals) {
     push(
         out,
         format_args!(
@@ -146,7 +152,7 @@ fn backdrop(out: &mut String, sweep: &Sweep, n: Decimals) {
              # The backdrop may be exchanged, from black velvet to white paper.\n\
              [background]\nvalue_range = {VALUE_RANGE:?}\n",
             backdrop::NAME,
-            n.three(sweep.position),
+            n.point(plan, sweep.position),
             sweep.turn.to_degrees(),
             n.one(sweep.front),
             n.one(sweep.back),
@@ -171,8 +177,8 @@ fn lights(out: &mut String, plan: &Plan, n: Decimals) {
                  radiance = {:.3}\ncamera_visible = false\n",
                 sentence(light.purpose),
                 light.name,
-                n.three(light.position),
-                n.three(plan.subject.center()),
+                n.point(plan, light.position),
+                n.point(plan, plan.subject.center()),
                 light.radiance
             ),
         );
