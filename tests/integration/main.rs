@@ -18,6 +18,7 @@ mod pictures;
 mod reach;
 mod reliability;
 mod render;
+mod resume;
 mod room;
 mod run;
 mod sidecar;
