@@ -64,6 +64,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         seed: 0,
         max_evaluations: 30,
         force: true,
+        products: None,
+        basis_file: None,
     };
     for report in design::run(subject, &options, &Talkative)? {
         // Measured in a render whose samples chose nothing.

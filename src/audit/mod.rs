@@ -6,7 +6,9 @@
 
 pub mod lights;
 pub mod picture;
+pub mod products;
 pub mod stored;
+pub mod unfinished;
 
 use std::{
     fs::{self, File, OpenOptions, TryLockError},
@@ -20,6 +22,7 @@ use serde_json::Value;
 use crate::{
     files::{
         atomic::{AtomicWriteError, probe, temporary_of},
+        toml_file::TomlError,
         write_atomically,
     },
     film::exr::{ExrImage, write_exr_plain},
@@ -29,6 +32,8 @@ use crate::{
 pub const MANIFEST: &str = "run.toml";
 /// Name of the sidecar that was made for a scene without one.
 pub const STAGING: &str = "staging.toml";
+/// Name of the transport basis of a run.
+pub const BASIS: &str = "transport.basis";
 
 /// A run cannot be recorded.
 #[derive(Debug, thiserror::Error)]
@@ -40,8 +45,14 @@ pub enum AuditError {
     NotARun { path: PathBuf },
     #[error("{path}: another run is being recorded here; wait for it, or choose another --out", path = path.display())]
     Busy { path: PathBuf },
+    #[error("{path}: what was begun here is not done; go on with --resume {path}, or replace it with --force", path = path.display())]
+    Unfinished { path: PathBuf },
+    #[error("{path}: nothing here is unfinished; --resume goes on with what was stopped or killed", path = path.display())]
+    NothingUnfinished { path: PathBuf },
     #[error("{path}: cannot {action}", path = path.display())]
     Io { path: PathBuf, action: &'static str, source: io::Error },
+    #[error(transparent)]
+    Toml(#[from] TomlError),
     #[error(transparent)]
     Write(#[from] AtomicWriteError),
     #[error(transparent)]
@@ -77,7 +88,12 @@ impl RunDir {
             Err(source) => {
                 return Err(AuditError::Io { path: path.into(), action: "read the directory", source });
             }
-            Ok(mut entries) => entries.next().is_none(),
+            Ok(entries) => entries.flatten().all(|entry| {
+                // What whoever records a run has begun there, or left when it was killed.
+                let name = entry.file_name();
+                let destination = temporary_of(&name.to_string_lossy()).map(str::to_owned);
+                name == unfinished::UNFINISHED || destination.is_some_and(|name| is_ours(&name))
+            }),
         };
         let is_run = path.join(MANIFEST).exists();
         match (is_empty, is_run, force) {
@@ -95,7 +111,7 @@ impl RunDir {
         Self::check(path, force)?;
         let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
-        let lock = lock(path)?;
+        let lock = lock(path, path)?;
         // Another run may have been recorded here since.
         Self::check(path, force)?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
@@ -166,14 +182,14 @@ impl RunDir {
     }
 }
 
-/// Takes the lock of a run directory, which ends with the process: the directory itself is locked, so
-/// that nothing is left behind.
-fn lock(directory: &Path) -> Result<File, AuditError> {
+/// Takes the lock of a directory, which ends with the process: the directory itself is locked, so that
+/// nothing is left behind. The user knows it as `shown`.
+fn lock(directory: &Path, shown: &Path) -> Result<File, AuditError> {
     let fail = |source| AuditError::Io { path: directory.into(), action: "lock the directory", source };
     let file = File::open(directory).map_err(fail)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(AuditError::Busy { path: directory.into() }),
+        Err(TryLockError::WouldBlock) => Err(AuditError::Busy { path: shown.into() }),
         Err(TryLockError::Error(source)) => Err(fail(source)),
     }
 }
@@ -183,9 +199,10 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 11] = [
+    const NAMES: [&str; 12] = [
         MANIFEST,
         STAGING,
+        BASIS,
         "evaluations.jsonl",
         "iterations.jsonl",
         "timing.jsonl",

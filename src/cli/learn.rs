@@ -11,7 +11,10 @@ use rayon::prelude::*;
 use super::{
     common::{in_pool, say_note},
     output::{print, print_json},
+    resume,
 };
+use crate::audit::products::Products;
+use crate::audit::unfinished::{Unfinished, beside};
 use crate::audit::write_whole;
 use crate::files::atomic::probe;
 use crate::objective::signature::library::{
@@ -54,7 +57,7 @@ use crate::picture::Note;
 pub struct LearnArgs {
     /// A look and the folder of its photographs (JPEG, PNG, TIFF, EXR and others; sub-folders are
     /// not searched, and files that are no pictures are left out)
-    #[arg(long = "class", value_name = "NAME=DIR", required = true, value_parser = parse_class)]
+    #[arg(long = "class", value_name = "NAME=DIR", required_unless_present = "resume", value_parser = parse_class)]
     pub classes: Vec<(String, PathBuf)>,
 
     /// Folder of masks, white on the main object: for DIR/a.jpg the picture a.png (or another
@@ -71,8 +74,13 @@ pub struct LearnArgs {
     pub longest_side: u32,
 
     /// Signature library to write
-    #[arg(short, long, value_name = "FILE.toml")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE.toml", required_unless_present = "resume")]
+    pub output: Option<PathBuf>,
+
+    /// Go on with learning that was stopped or killed: FILE.toml is its --output, and its options are
+    /// those with which it was begun, so that none can be given
+    #[arg(long, value_name = "FILE.toml", exclusive = true)]
+    pub resume: Option<PathBuf>,
 
     /// Print one JSON object in full precision instead of tables
     #[arg(long)]
@@ -82,6 +90,14 @@ pub struct LearnArgs {
     /// of memory for each pixel of a photograph of 8 bits a channel, 10 of a progressive JPEG
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
+}
+
+impl LearnArgs {
+    /// Path of the signature library.
+    fn output(&self) -> &Path {
+        // Without --resume there is one.
+        self.output.as_deref().unwrap_or(Path::new(""))
+    }
 }
 
 /// Parses `NAME=DIR`.
@@ -117,10 +133,32 @@ struct Outcome {
 /// When a mask is missing or wrong, no photograph of a class can be read, or a file cannot be
 /// written.
 pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
+    let Some(place) = &args.resume else {
+        check_output(args)?;
+        let unfinished = resume::begin(&beside(args.output()), true)?;
+        return learn_all(args, unfinished);
+    };
+    let (unfinished, args) =
+        resume::take_up("learn-signature", place, &beside(place), |args: &LearnArgs| {
+            Ok(beside(args.output()))
+        })?;
+    check_output(&args)?;
+    learn_all(&args, unfinished)
+}
+
+/// Learns what `args` say and prints it; done or failed, it is at its end.
+fn learn_all(args: &LearnArgs, unfinished: Unfinished) -> anyhow::Result<()> {
+    let products = Products::new(Some(unfinished.products()));
+    let result = learn_kept(args, &products);
+    unfinished.end()?;
+    result
+}
+
+/// Learns what `args` say, with what an earlier attempt has measured, and prints it.
+fn learn_kept(args: &LearnArgs, products: &Products) -> anyhow::Result<()> {
     let folders = folders(args)?;
-    check_output(args)?;
     let gathered: Vec<Gathered> =
-        in_pool(args.threads, || folders.iter().map(|f| gather(args, f)).collect())?;
+        in_pool(args.threads, || folders.iter().map(|f| gather(args, f, products)).collect())?;
     let mut notes: Vec<String> = folders.iter().filter_map(|f| f.note.clone()).collect();
     notes.extend(gathered.iter().flat_map(|g| g.notes.clone()));
     let (records, measured): (Vec<_>, Vec<_>) = gathered.into_iter().map(|g| (g.records, g.measured)).unzip();
@@ -172,12 +210,12 @@ fn target_path(output: &Path, class: &str) -> PathBuf {
 }
 
 fn check_output(args: &LearnArgs) -> anyhow::Result<()> {
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        bail!("{}: the signature library ends in .toml", args.output.display());
+    if !args.output().extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        bail!("{}: the signature library ends in .toml", args.output().display());
     }
-    probe(&args.output)?;
+    probe(args.output())?;
     for (name, _) in args.classes.iter().filter(|_| args.masks.is_some()) {
-        probe(&target_path(&args.output, name))?;
+        probe(&target_path(args.output(), name))?;
     }
     Ok(())
 }
@@ -199,11 +237,11 @@ enum Outlook {
 
 /// Measures every photograph of a class. What is no picture is left out; the first in order whose
 /// mask does not fit is what is reported.
-fn gather(args: &LearnArgs, folder: &Folder) -> anyhow::Result<Gathered> {
+fn gather(args: &LearnArgs, folder: &Folder, products: &Products) -> anyhow::Result<Gathered> {
     let mask = |i: usize| folder.masks.as_ref().map(|masks| masks[i].as_path());
     let each = folder.photos.par_iter().enumerate();
     let done: Vec<anyhow::Result<Outlook>> =
-        each.map(|(i, path)| measure_one(path, mask(i), args.longest_side as usize)).collect();
+        each.map(|(i, path)| measure_once(path, mask(i), args.longest_side, products)).collect();
     let mut gathered = Gathered { records: Vec::new(), measured: Vec::new(), notes: Vec::new() };
     let mut kinds: Vec<(Note, &Path, usize)> = Vec::new();
     for (path, outlook) in folder.photos.iter().zip(done) {
@@ -236,6 +274,42 @@ fn gather(args: &LearnArgs, folder: &Folder) -> anyhow::Result<Gathered> {
         bail!("class `{}`: none of its pictures can be read: {first}", folder.name);
     }
     Ok(gathered)
+}
+
+/// Kind of the product that is what was measured of a photograph.
+const KIND: &str = "photo";
+
+/// What a file is known by without reading it: path, length and time of its last change.
+fn known_by(path: &Path) -> String {
+    let facts = std::fs::metadata(path).map(|file| (file.len(), file.modified().ok())).ok();
+    format!("{path:?} {facts:?}")
+}
+
+/// Measures a photograph, or takes what an earlier attempt has measured. Of what there is something to say
+/// nothing is kept, so that it is said again.
+fn measure_once(
+    path: &Path,
+    mask: Option<&Path>,
+    longest: u32,
+    products: &Products,
+) -> anyhow::Result<Outlook> {
+    let key = Products::key(&format!("{} {:?} {longest}", known_by(path), mask.map(known_by)), &[]);
+    let kept = products.load(key, KIND).and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    if let Some((sha256, cumulated, values)) = kept
+        && let Ok(cumulated) = Vec::<f64>::try_into(cumulated)
+    {
+        let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let record = PhotoRecord { file, sha256 };
+        return Ok(Outlook::Read(Box::new((record, Measured { cumulated, values }, Vec::new()))));
+    }
+    let outlook = measure_one(path, mask, longest as usize)?;
+    if let Outlook::Read(read) = &outlook
+        && read.2.is_empty()
+    {
+        let content = (&read.0.sha256, read.1.cumulated.as_slice(), read.1.values);
+        products.save(key, KIND, say_note, |out| Ok(serde_json::to_writer(out, &content)?));
+    }
+    Ok(outlook)
 }
 
 fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> anyhow::Result<Outlook> {
@@ -277,7 +351,7 @@ fn outcome(
     let target = match learned.values {
         None => None,
         Some(values) => {
-            let path = target_path(&args.output, &class.name);
+            let path = target_path(args.output(), &class.name);
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let signature = Signature::new(&class.name, Shape::Cumulated(class.cumulated.clone()))
                 .with_context(|| format!("class `{}`", class.name))?;
@@ -289,7 +363,7 @@ fn outcome(
 
 fn write(args: &LearnArgs, outcomes: &[Outcome]) -> anyhow::Result<()> {
     let classes = outcomes.iter().map(|o| o.class.clone()).collect();
-    write_whole(&args.output, Library::new(args.longest_side, classes).to_toml()?)?;
+    write_whole(args.output(), Library::new(args.longest_side, classes).to_toml()?)?;
     for Outcome { class, target, .. } in outcomes {
         if let Some((path, target)) = target {
             let head = format!(

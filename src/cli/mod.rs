@@ -11,6 +11,7 @@ mod output;
 mod progress;
 pub mod relight;
 pub mod render;
+mod resume;
 pub mod run;
 pub mod scan;
 mod signals;

@@ -2,6 +2,7 @@
 
 use std::{
     fmt::Write as _,
+    fs,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -19,10 +20,14 @@ use super::{
     },
     output::{print, print_json},
     progress::Console,
-    signals,
+    resume, signals,
 };
 use crate::{
-    audit::{STAGING, write_whole},
+    audit::{
+        BASIS, RunDir, STAGING,
+        unfinished::{UNFINISHED, Unfinished},
+        write_whole,
+    },
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
     import::{self, Loaded},
     photo::Look,
@@ -48,16 +53,22 @@ use crate::{
     lightopt-embree run fruit_basket.obj\n  \
     lightopt-embree run --target low-key --out runs/dark fruit_basket.obj\n  \
     lightopt-embree run --target portrait.jpg --target-mask face.png fruit_basket.obj\n  \
-    lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n\n\
+    lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n  \
+    lightopt-embree run --resume runs/fruit_basket-high-key\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
     per iteration, run.toml with all options, and logs of every evaluation.\n\
     Ctrl-C, SIGTERM or SIGHUP ends the run within seconds and keeps what is found: lights.toml, the\n\
-    record, and the final picture as far as it is; twice quits at once.\n\
+    record, and the final picture as far as it is; twice quits at once. `run --resume DIR` goes on.\n\
     Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
+    #[arg(value_name = "SCENE", required_unless_present = "resume")]
+    pub scene: Option<PathBuf>,
+
+    /// Go on with a run that was stopped or killed: DIR is its --out, and its options are those with which
+    /// it was begun, so that none can be given. It ends with the files of a run that was never stopped
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    pub resume: Option<PathBuf>,
 
     /// Where the scene's files may lie.
     #[command(flatten)]
@@ -124,6 +135,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "DIR")]
     pub cache: Option<PathBuf>,
 
+    /// Keep the transport basis with which the lights were found, transport.basis in the directory of the
+    /// run, for `relight` and `scan`; otherwise it is there only until the run is done
+    #[arg(long)]
+    pub keep_basis: bool,
+
     /// Most memory of the transport basis: fewer size knots are kept if it needs more
     #[arg(long, value_name = "BYTES", default_value = "2G", value_parser = parse_bytes)]
     pub memory: u64,
@@ -147,6 +163,14 @@ pub struct RunArgs {
     /// Light transport.
     #[command(flatten)]
     pub transport: TransportArgs,
+}
+
+impl RunArgs {
+    /// Path of the scene.
+    fn scene(&self) -> &Path {
+        // Without --resume there is one.
+        self.scene.as_deref().unwrap_or(Path::new(""))
+    }
 }
 
 /// Parses a tolerance of f_q.
@@ -190,17 +214,43 @@ const WORK_WIDTH: u32 = 128;
 /// When the scene, the target or the run directory is wrong, or a render fails.
 pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     // What is wrong with the words should show in the first second.
-    let stem = args.scene.file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
-    let wanted = wanted(args, &stem)?;
-    for (look, out) in &wanted {
+    let Some(place) = &args.resume else {
+        let (root, wanted) = wanted(args)?;
+        import::find(args.scene())?;
+        Unfinished::check(&root.join(UNFINISHED), args.pictures.force)?;
+        for (_, out) in &wanted {
+            RunDir::check(out, args.pictures.force)?;
+        }
+        let unfinished = resume::begin(&root.join(UNFINISHED), args.pictures.force)?;
+        let result = work(args, args.pictures.force, &root, wanted, &unfinished);
+        return resume::end(unfinished, "run", &root, result);
+    };
+    let (unfinished, args) = resume::take_up("run", place, &place.join(UNFINISHED), |args: &RunArgs| {
+        Ok(wanted(args)?.0.join(UNFINISHED))
+    })?;
+    let (root, wanted) = wanted(&args)?;
+    let result = work(&args, true, &root, wanted, &unfinished);
+    resume::end(unfinished, "run", place, result)
+}
+
+/// Does what `args` say, with `wanted` recorded in its directories below `root`, of which `force` replaces
+/// the contents; prints the result.
+fn work(
+    args: &RunArgs,
+    force: bool,
+    root: &Path,
+    wanted: Vec<(Look, PathBuf)>,
+    unfinished: &Unfinished,
+) -> anyhow::Result<()> {
+    for (look, _) in &wanted {
         look.notes().iter().for_each(|note| say_note(note));
-        crate::audit::RunDir::check(out, args.pictures.force)?;
     }
-    let scene_path = import::find(&args.scene)?;
+    let scene_path = import::find(args.scene())?;
     let console = Console::new();
+    let basis_file = root.join(BASIS);
     let done = args.transport.in_pool(|| {
         let Loaded { scene, constraints, staging, .. } =
-            load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?;
+            load_scene(args.scene(), &args.confinement.options(), |w| console.note(w))?;
         signals::end_in_order("keeping what is found so far");
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
@@ -232,7 +282,9 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
             free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
-            force: args.pictures.force,
+            force,
+            products: Some(unfinished.products().to_owned()),
+            basis_file: Some(basis_file.clone()),
         };
         let subject =
             Subject { scene: &scene, path: &scene_path, authored: &authored, constraints: &constraints };
@@ -246,6 +298,10 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     });
     console.finish();
     let (reports, jobs) = done?;
+    if !args.keep_basis && !signals::received() {
+        // There is none where gradients are differences.
+        let _ = fs::remove_file(&basis_file);
+    }
     let each = reports.iter().zip(&jobs);
     if args.json {
         let mut all: Vec<serde_json::Value> = each.map(|(r, job)| to_json(r, job)).collect();
@@ -256,13 +312,14 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
     }
 }
 
-/// Looks asked for, each with its run directory.
-fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
+/// Looks asked for, each with its run directory, and the directory of the whole.
+fn wanted(args: &RunArgs) -> anyhow::Result<(PathBuf, Vec<(Look, PathBuf)>)> {
+    let stem = args.scene().file_stem().map_or_else(|| "scene".into(), |s| s.to_string_lossy().into_owned());
     let Some(names) = &args.targets else {
         let look = Look::resolve(&args.target, args.target_mask.as_deref())?;
         let default = || Path::new("runs").join(format!("{stem}-{}", look.name()));
         let out = args.out.clone().unwrap_or_else(default);
-        return Ok(vec![(look, out)]);
+        return Ok((out.clone(), vec![(look, out)]));
     };
     let root = args.out.clone().unwrap_or_else(|| Path::new("runs").join(stem));
     let mut wanted: Vec<(Look, PathBuf)> = Vec::new();
@@ -274,7 +331,7 @@ fn wanted(args: &RunArgs, stem: &str) -> anyhow::Result<Vec<(Look, PathBuf)>> {
         }
         wanted.push((look, out));
     }
-    Ok(wanted)
+    Ok((root, wanted))
 }
 
 /// Range of each term within reach of the lights, including the lights found.

@@ -1,5 +1,7 @@
 //! Check renders of the lights found, with samples that chose nothing.
 
+use std::io::{self, Write};
+
 use rayon::prelude::*;
 
 use super::{
@@ -7,10 +9,12 @@ use super::{
     deadline::Deadline,
     observer::Unstoppable,
     precision::{MAX_SAMPLES, Precision},
+    products::samples_key,
     setup::Setup,
     working_basis::{Focus, MAX_TOGETHER, REPLICATES},
 };
 use crate::{
+    audit::products::Products,
     film::RgbFilm,
     integrator::{Samples, Values},
     light::{LightSampler, SizeDensity},
@@ -55,13 +59,50 @@ pub fn check(
     }
 }
 
+/// Kind of the films of a check.
+const KIND: &str = "check";
+
+/// How far a check has got.
+#[derive(Clone, Copy, Debug, Default)]
+struct Growth {
+    /// Samples per pixel that each replicate has.
+    first: u32,
+    /// Samples per pixel after which it is looked whether they are enough.
+    wanted: u32,
+    /// Number of times that it was looked.
+    renders: u64,
+}
+
+impl Growth {
+    /// Takes up films, and how far they have got, where an earlier attempt has kept them.
+    fn take_up<const N: usize>(&mut self, films: &mut [RgbFilm<N>], kept: Option<Vec<u8>>) {
+        let Some(kept) = kept else { return };
+        let Some((numbers, mut rest)) = kept.split_first_chunk::<16>() else { return };
+        let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| numbers[at + i]));
+        for film in films {
+            match film.read_sums(rest) {
+                Some(after) => rest = after,
+                None => return,
+            }
+        }
+        *self = Self { first: number(0), wanted: number(4), renders: u64::from(number(8)) };
+    }
+
+    fn write<const N: usize>(self, films: &[RgbFilm<N>], out: &mut dyn Write) -> io::Result<()> {
+        for number in [self.first, self.wanted, self.renders as u32, 0] {
+            out.write_all(&number.to_le_bytes())?;
+        }
+        films.iter().try_for_each(|film| film.write_sums(out))
+    }
+}
+
 /// [`check`] of up to `N` lightings, each at a node of the background's value.
 fn check_nodes<const N: usize>(
     foci: &[Focus],
     objectives: &[&Objective],
     setup: Setup,
     seed: u64,
-    mut spp: u32,
+    spp: u32,
     reporter: &impl Reporter,
 ) -> Result<Checks, RunError> {
     let order = by_falling_value(foci);
@@ -74,36 +115,54 @@ fn check_nodes<const N: usize>(
     let film = || RgbFilm::<N>::by_lighting(setup.camera.size(), &lightings);
     let mut films: Vec<RgbFilm<N>> = (0..REPLICATES).map(|_| film()).collect();
     let is_over = || reporter.cancelled() || setup.deadline.has_passed(Deadline::CHECK);
-    let (mut first, mut renders) = (0, 0);
+    let mut growth = Growth { wanted: spp.div_ceil(REPLICATES as u32).max(1), ..Growth::default() };
+    let key = {
+        let targets: Vec<_> = setup.options.jobs.iter().map(|job| &job.target).collect();
+        let words = format!("{lightings:?} {targets:?} {} {spp}", setup.options.tolerance);
+        Products::key(&words, &[samples_key(&setup, setup.camera, &plan, seed)])
+    };
+    growth.take_up(&mut films, setup.products.load(key, KIND));
+    let keep = |growth: Growth, films: &[RgbFilm<N>]| {
+        setup.products.save(key, KIND, |text| reporter.note(text), |out| growth.write(films, out));
+    };
     loop {
-        let wanted = first + spp.div_ceil(REPLICATES as u32).max(1);
+        let Growth { first, wanted, .. } = growth;
         let passes = u64::from((wanted - first).div_ceil(PASS)) * REPLICATES as u64;
         let rows = passes * u64::from(setup.options.work_size.y);
         reporter.stage("checking the result with new samples", Some(rows));
-        while first < wanted && !(first > 0 && is_over()) {
-            let count = PASS.min(wanted - first);
-            let samples = Samples { sampler: renderer.sampler, seed, first, count };
+        setup.products.begin_growing();
+        while growth.first < wanted && !(growth.first > 0 && is_over()) {
+            let count = PASS.min(wanted - growth.first);
+            let samples = Samples { sampler: renderer.sampler, seed, first: growth.first, count };
             for (r, film) in films.iter_mut().enumerate() {
                 let replicate = [samples.replicate(r as u64)];
                 let observer = Unstoppable(reporter);
                 let integrator = renderer.integrator;
                 integrator.render_values(setup.view(), &values, &plan, film, &replicate, &observer)?;
             }
-            first += count;
+            growth.first += count;
+            if setup.products.is_due() {
+                keep(growth, &films);
+            }
         }
-        renders += 1;
+        if growth.first > first {
+            keep(growth, &films);
+        }
+        growth.renders += 1;
         let measured = order.par_iter().enumerate().map(|(node, &i)| {
-            Ok((i, measure(&films, node, first, objectives[i], setup, &foci[i].lighting)?))
+            Ok((i, measure(&films, node, growth.first, objectives[i], setup, &foci[i].lighting)?))
         });
         let mut estimates = measured.collect::<Result<Vec<_>, ObjectiveError>>()?;
         estimates.sort_by_key(|(i, _)| *i);
         let estimates: Vec<JackknifeEstimate> = estimates.into_iter().map(|(_, e)| e).collect();
-        let now = first * REPLICATES as u32;
+        let now = growth.first * REPLICATES as u32;
         let precision = Precision::reported(setup.options.tolerance);
         let wanted = estimates.iter().filter(|e| !precision.is_met(e)).map(|e| precision.more(now, e)).max();
         match wanted {
-            Some(wanted) if now < MAX_SAMPLES && !is_over() => spp = wanted,
-            _ => return Ok(Checks { estimates, renders }),
+            Some(more) if now < MAX_SAMPLES && !is_over() => {
+                growth.wanted = growth.first + more.div_ceil(REPLICATES as u32).max(1);
+            }
+            _ => return Ok(Checks { estimates, renders: growth.renders }),
         }
     }
 }

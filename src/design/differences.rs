@@ -10,12 +10,13 @@ use super::{
     observer::Unstoppable,
     pictures::{attribute, write_lights},
     precision::{MAX_SAMPLES, Precision},
+    products::picture_key,
     render::{Budget, MeasuredPicture},
     seeds::{Purpose, seed_for},
     setup::{Found, Setup, Stage, Task},
 };
 use crate::{
-    audit::picture,
+    audit::{picture, products::Products},
     film::Picture,
     integrator::RenderError,
     objective::{Evaluation, JackknifeEstimate, Smoothing},
@@ -64,6 +65,8 @@ const REPORTED_REPLICATES: u32 = 8;
 /// Samples of a render whose f_q is reported, over those of a working render: four times as many halve its
 /// error, for two renders of some two hundred.
 const REPORTED_FACTOR: u32 = 4;
+/// Kind of a value of f_q.
+const VALUE: &str = "value";
 /// Samples per pixel of the survey. Bounds and starts follow from means over the picture, which converge
 /// long before its pixels; the survey is one render of some two hundred.
 const SURVEY_SPP: u32 = 64;
@@ -74,7 +77,7 @@ pub(super) fn unit_picture(stage: &Stage, reporter: &impl Reporter) -> Result<Pi
     let seed = seed_for(stage.options.seed, Purpose::Survey);
     let budget = Budget { seed, spp: SURVEY_SPP, n_replicates: 1 };
     let plan = stage.plan(&lighting);
-    Ok(stage.renderer().render(stage.view(), &lighting, &plan, budget, reporter)?.picture)
+    Ok(stage.renderer().render_once(stage, &lighting, &plan, budget, reporter, reporter)?.picture)
 }
 
 /// f_q at the neutral start, with its error.
@@ -102,8 +105,8 @@ fn measure(
     let lighting = setup.lighting(u);
     let seed = seed_for(setup.options.seed, purpose);
     let budget = Budget { seed, spp: REPORTED_FACTOR * spp, n_replicates: REPORTED_REPLICATES };
-    let (view, plan) = (setup.view(), setup.plan(&lighting));
-    let rendered = setup.renderer().render(view, &lighting, &plan, budget, &Unstoppable(reporter))?;
+    let (plan, observer) = (setup.plan(&lighting), Unstoppable(reporter));
+    let rendered = setup.renderer().render_once(&setup, &lighting, &plan, budget, reporter, &observer)?;
     Ok(rendered.measure(&task.objective)?.estimate)
 }
 
@@ -229,7 +232,28 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let seed = seed_for(setup.options.seed, Purpose::Optimise);
         let budget = Budget { seed, spp: self.spp, n_replicates: REPLICATES };
         let plan = setup.plan(&lighting);
-        Ok(setup.renderer().render(setup.view(), &lighting, &plan, budget, self.reporter)?)
+        setup.renderer().render_once(&setup, &lighting, &plan, budget, self.reporter, self.reporter)
+    }
+
+    /// Smoothed f_q of the working render of the point `u`; of what is only measured so, the number is kept
+    /// and not the picture.
+    fn value(&mut self, u: &[f64], smoothing: &Smoothing) -> Result<f64, RunError> {
+        let (setup, reporter) = (self.setup, self.reporter);
+        let lighting = setup.lighting(u);
+        *self.renders += 1;
+        let seed = seed_for(setup.options.seed, Purpose::Optimise);
+        let budget = Budget { seed, spp: self.spp, n_replicates: REPLICATES };
+        let plan = setup.plan(&lighting);
+        let words = format!("{smoothing:?} {:?}", self.task.job.target);
+        let key = Products::key(&words, &[picture_key(&setup, &lighting, &plan, setup.camera, budget)]);
+        let kept = setup.products.load(key, VALUE);
+        if let Some(bytes) = kept.and_then(|bytes| bytes.try_into().ok()) {
+            return Ok(f64::from_le_bytes(bytes));
+        }
+        let rendered = setup.renderer().render(setup.view(), &lighting, &plan, budget, reporter)?;
+        let f = rendered.smoothed(&self.task.objective, smoothing);
+        setup.products.save(key, VALUE, |text| reporter.note(text), |out| out.write_all(&f.to_le_bytes()));
+        Ok(f)
     }
 
     /// Start with the least f_q; after an interrupt, of those measured.
@@ -237,8 +261,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let starts = self.task.starts.clone();
         let mut best: Option<(f64, &(String, Vec<f64>))> = None;
         for start in &starts {
-            let Some(rendered) = unless_cancelled(self.render(&start.1))? else { break };
-            let f_q = rendered.smoothed(&self.task.objective, &Smoothing::NONE);
+            let Some(f_q) = unless_cancelled(self.value(&start.1, &Smoothing::NONE))? else { break };
             self.task.dir.log_evaluation(&json!({
                 "start": start.0,
                 "x": self.setup.variables.named(&self.setup.variables.decode(&start.1)),
@@ -285,7 +308,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
                 let along = NOISE_SPACING * i as f64;
                 let u: Vec<f64> =
                     start.iter().map(|&u| if u < 0.5 { u + along } else { u - along }).collect();
-                Ok(self.render(&u)?.smoothed(&self.task.objective, &smoothing))
+                self.value(&u, &smoothing)
             })
             .collect::<Result<Vec<f64>, RunError>>()?;
         let noise = difference::noise(&values);
@@ -303,10 +326,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let measured = rendered.measure(&self.task.objective)?;
         let f = rendered.smoothed(&self.task.objective, smoothing);
         let step = self.step;
-        let slopes = difference::gradient(u, f, step, |u| {
-            let rendered = self.render(u)?;
-            Ok::<_, RunError>(rendered.smoothed(&self.task.objective, smoothing))
-        })?;
+        let slopes = difference::gradient(u, f, step, |u| self.value(u, smoothing))?;
         self.evaluations += 1;
         let f_q = measured.plain.f_q;
         let line = json!({

@@ -21,6 +21,7 @@ mod observer;
 mod options;
 mod pictures;
 mod precision;
+mod products;
 pub mod render;
 mod run;
 mod search;

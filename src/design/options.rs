@@ -97,6 +97,11 @@ pub struct RunOptions {
     pub max_evaluations: u32,
     /// Whether earlier runs in the directories are replaced.
     pub force: bool,
+    /// Directory in which the run finds what an earlier attempt at it has made, and keeps what it makes, so
+    /// that another attempt goes on from there; `None` to keep nothing.
+    pub products: Option<PathBuf>,
+    /// File to which the transport basis is written when lights are found in it; `None` for none.
+    pub basis_file: Option<PathBuf>,
 }
 
 /// Result of a run for one look.

@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::{
     Reporter, RunError,
+    products::{GrowingPicture, picture_key},
     render::{Budget, PassedPicture},
     setup::{Setup, Task},
 };
@@ -82,8 +83,9 @@ fn take_one(
     let budget = Budget { seed: options.seed, spp, n_replicates: 1 };
     let plan = SamplingPlan::for_picture(&lighting);
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
-    let renderer = setup.renderer();
-    let rendered = renderer.render_in_passes(view, &lighting, &plan, budget, &is_over, reporter);
+    let key = picture_key(&setup, &lighting, &plan, &camera, budget);
+    let growing = GrowingPicture { products: setup.products, key, is_over: &is_over, reporter };
+    let rendered = setup.renderer().render_in_passes(view, &lighting, &plan, budget, &growing, reporter);
     let PassedPicture { picture: rendered, spp: taken } = match rendered {
         Err(RenderError::Cancelled) => return Ok(None),
         other => other?,

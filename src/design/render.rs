@@ -1,6 +1,9 @@
 //! Pictures in replicates, and their f_q with its error.
 
-use std::time::{Duration, Instant};
+use std::{
+    io::{self, Write},
+    time::{Duration, Instant},
+};
 
 use crate::{
     film::{Picture, RgbFilm},
@@ -115,7 +118,7 @@ pub struct PassedPicture {
 
 impl Renderer {
     /// Renders the picture of a lighting in passes, of `budget.spp` samples per pixel in all or, once
-    /// `is_over` says so between two passes, of those so far. The passes do not change the picture:
+    /// `between` says so between two of them, of those so far. The passes do not change the picture:
     /// its samples are added in the same order. Where the observer cancels a pass, the picture is that of
     /// the passes before it.
     ///
@@ -127,14 +130,15 @@ impl Renderer {
         lighting: &Lighting,
         plan: &SamplingPlan,
         budget: Budget,
-        is_over: &dyn Fn() -> bool,
+        between: &dyn Between,
         observer: &impl Observer,
     ) -> Result<PassedPicture, RenderError> {
         let mut film = RgbFilm::by_light(view.camera.size(), lighting);
         let all = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count: budget.spp.max(1) };
-        let (mut spp, mut count) = (0, 1);
+        let (mut spp, mut count) = (between.take_up(&mut film), 1);
+        observer.advance(u64::from(spp) * u64::from(view.camera.size().y));
         let mut before: Option<RgbFilm> = None;
-        while spp < all.count && !(spp > 0 && is_over()) {
+        while spp < all.count && !(spp > 0 && between.is_over()) {
             let clock = Instant::now();
             let samples = Samples { first: spp, count: count.min(all.count - spp), ..all.replicate(0) };
             let may_stop = spp == 0 || before.is_some();
@@ -150,9 +154,29 @@ impl Renderer {
             let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);
             count = (PASS.as_secs_f64() / per_sample.max(1e-9)).clamp(1.0, 1e6) as u32;
             drop(before.take());
+            between.passed(&film, spp, spp == all.count);
             before = (per_sample > SLOW.as_secs_f64() && spp < all.count).then(|| film.clone());
         }
         Ok(PassedPicture { picture: film.develop(lighting, spp), spp })
+    }
+}
+
+/// What happens between the passes of a picture.
+pub trait Between {
+    /// Whether no more passes are to be made.
+    fn is_over(&self) -> bool;
+    /// Takes up a film that has no samples yet, where an earlier attempt has got; returns its samples per
+    /// pixel.
+    fn take_up(&self, _film: &mut RgbFilm) -> u32 {
+        0
+    }
+    /// Called after a pass, with the samples per pixel so far and whether there are no more to come.
+    fn passed(&self, _film: &RgbFilm, _spp: u32, _is_last: bool) {}
+}
+
+impl<F: Fn() -> bool> Between for F {
+    fn is_over(&self) -> bool {
+        self()
     }
 }
 
@@ -183,6 +207,44 @@ fn mean(images: &[&[[f32; 3]]]) -> Vec<[f32; 3]> {
 }
 
 impl MeasuredPicture {
+    /// Writes the picture and its replicates, exactly.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        let Picture { width, height, rgb, lights } = &self.picture;
+        for n in [*width, *height, lights.len(), self.replicates.len()] {
+            out.write_all(&(n as u64).to_le_bytes())?;
+        }
+        for image in [rgb].into_iter().chain(lights).chain(&self.replicates) {
+            let bytes: Vec<u8> = image.as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect();
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Reads what [`Self::write`] has written, of a lighting's exposure; `None` where it is too short.
+    #[must_use]
+    pub fn read(bytes: &[u8], exposure: f64, luminance: LuminanceMode) -> Option<Self> {
+        let (numbers, mut rest) = bytes.split_at_checked(32)?;
+        let numbers = numbers.as_chunks().0.iter().map(|b| usize::try_from(u64::from_le_bytes(*b)).ok());
+        let numbers: Option<Vec<usize>> = numbers.collect();
+        let [width, height, n_lights, n_replicates] = numbers?[..] else { return None };
+        let length = width.checked_mul(height)?.checked_mul(12)?;
+        let mut image = || {
+            let (image, after) = rest.split_at_checked(length)?;
+            rest = after;
+            let value = |b: &[u8; 12]| {
+                std::array::from_fn(|c| f32::from_le_bytes(std::array::from_fn(|i| b[4 * c + i])))
+            };
+            Some(image.as_chunks::<12>().0.iter().map(value).collect::<Vec<[f32; 3]>>())
+        };
+        let rgb = image()?;
+        let lights = (0..n_lights).map(|_| image()).collect::<Option<_>>()?;
+        let replicates = (0..n_replicates).map(|_| image()).collect::<Option<_>>()?;
+        Some(Self { picture: Picture { width, height, rgb, lights }, replicates, exposure, luminance })
+    }
+
     /// Display luminance of the mean picture.
     #[must_use]
     pub fn display(&self) -> Vec<f64> {

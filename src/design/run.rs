@@ -14,7 +14,7 @@ use super::{
     working_basis::{BasisPlan, MAX_TOGETHER, REDUCTION, WorkingBasis},
 };
 use crate::{
-    audit::{AuditError, RunDir},
+    audit::{AuditError, RunDir, products::Products},
     files::atomic::{probe, sweep},
     integrator::{View, aov},
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
@@ -50,8 +50,10 @@ pub fn run(
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
     let deadline = Deadline::new(start, options.time_limit);
-    let stage =
-        Stage { scene, camera: &camera, fitted: &fitted, constraints, aovs: &aovs, options, deadline };
+    let (fitted, aovs, products) = (&fitted, &aovs, &Products::new(options.products.as_deref()));
+    let fingerprint = scene.fingerprint();
+    let camera = &camera;
+    let stage = Stage { scene, camera, fitted, constraints, aovs, options, deadline, fingerprint, products };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {
@@ -63,7 +65,7 @@ pub fn run(
         None => differences::unit_picture(&stage, reporter)?,
         Some(basis) => basis.unit_picture(),
     };
-    let survey = Survey::new(scene, &fitted, constraints, &options.free, options.luminance, &unit);
+    let survey = Survey::new(scene, fitted, constraints, &options.free, options.luminance, &unit);
     let variables = survey.variables()?;
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };
@@ -150,8 +152,9 @@ fn find_together(
     let found = match basis {
         Some(basis) => {
             let found = basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?;
-            // Before the pictures: they take long, and a disk that they fill must not cost the basis.
-            basis.store(setup)?;
+            // What is found is on disk before any picture is begun, the lights before the large basis.
+            write_lights(&tasks, &found, setup)?;
+            basis.store(setup, reporter)?;
             found
         }
         None => tasks
@@ -160,14 +163,17 @@ fn find_together(
             .collect::<Result<_, _>>()?,
     };
     let seconds = clock.elapsed().as_secs_f64();
-    // Everything found is on disk before any picture is begun.
-    for (task, found) in tasks.iter().zip(&found) {
-        pictures::write_lights(task, &found.u, setup)?;
-    }
+    write_lights(&tasks, &found, setup)?;
     for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
         finish(task, found, initial, seconds, setup, reports, reporter)?;
     }
     Ok(())
+}
+
+/// Writes the lights found for all looks.
+fn write_lights(tasks: &[Task], found: &[Found], setup: Setup) -> Result<(), RunError> {
+    let mut each = tasks.iter().zip(found);
+    each.try_for_each(|(task, found)| pictures::write_lights(task, &found.u, setup))
 }
 
 /// f_q of every look at the neutral start, from the basis or in paper mode from a render of its own.

@@ -2,7 +2,7 @@
 
 use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, render::Renderer};
 use crate::{
-    audit::RunDir,
+    audit::{RunDir, products::Products},
     camera::Camera,
     integrator::{View, aov::Aovs},
     lighting::{Lighting, SampleCounts, SamplingPlan},
@@ -35,6 +35,10 @@ pub(super) struct Stage<'a> {
     pub options: &'a RunOptions,
     /// Time that the run may take.
     pub deadline: Deadline,
+    /// Hash of what decides how light is transported in the scene: [`Scene::fingerprint`], which takes time.
+    pub fingerprint: u64,
+    /// What an earlier attempt at the same run has made, and this one keeps.
+    pub products: &'a Products,
 }
 
 impl<'a> Stage<'a> {

@@ -1,16 +1,22 @@
 //! The transport basis of a run: planning, rendering, aiming and storing it.
 
-use std::{path::PathBuf, sync::OnceLock};
+use std::{
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
+
+use serde_json::Value;
 
 use super::{
     Reporter, RunError,
     evaluator::Evaluator,
     observer::Unstoppable,
+    products::samples_key,
     seeds::{Purpose, seed_for},
     setup::{Setup, Stage},
 };
 use crate::{
-    audit::stored::About,
+    audit::{products::Products, stored::About},
     film::Picture,
     integrator::RenderError,
     light::{LightSampler, SizeDensity},
@@ -127,7 +133,14 @@ pub struct WorkingBasis {
     seed: u64,
     /// File in which the basis is stored, and the number of samples in it; `None` if it is not kept.
     stored: Option<(PathBuf, u32)>,
+    /// Key of the product that the basis is now: of all samples so far, in their order.
+    key: u64,
 }
+
+/// Kind of the product that is a basis, with the samples of each replicate that were then still to be added.
+const KIND: &str = "basis";
+/// Kind of the product that says whether the cache held a basis: 1, or 0.
+const CACHED: &str = "cached";
 
 impl BasisPlan {
     /// Plans a basis of a stage within the memory allowed.
@@ -253,7 +266,7 @@ impl BasisPlan {
             renderer.sampler,
             env!("LIGHTOPT_SOURCES")
         );
-        let key = hash_words(&[stage.scene.fingerprint(), hash_bytes(words.bytes())]);
+        let key = hash_words(&[stage.fingerprint, hash_bytes(words.bytes())]);
         format!("{}-{key:016x}.basis", stage.scene.name)
     }
 }
@@ -268,27 +281,10 @@ impl WorkingBasis {
         let seed = seed_for(stage.options.seed, Purpose::Optimise);
         let cache = stage.options.cache.as_ref();
         let path = cache.map(|directory| directory.join(plan.file_name(stage, &layout, seed)));
-        let kept = path.as_ref().filter(|path| path.exists()).and_then(|path| {
-            match TransportBasis::load(path) {
-                Ok((basis, _)) if *basis.layout() == layout && basis.n_replicates() == REPLICATES => {
-                    let n = basis.n_samples() * REPLICATES as u32;
-                    reporter
-                        .note(&format!("using {}: {n} samples a pixel, nothing to render", path.display()));
-                    Some(basis)
-                }
-                Ok(_) => None,
-                // It is written anew.
-                Err(e) => {
-                    reporter.note(&format!("{e}; rendering it again"));
-                    None
-                }
-            }
-        });
-        let is_kept = kept.is_some();
-        let basis = kept.unwrap_or_else(|| TransportBasis::new(layout, REPLICATES));
-        let stored = path.map(|path| (path, basis.n_samples()));
-        let mut working = Self { stored, ..Self::with(plan, basis, None, seed) };
-        if is_kept {
+        let mut working = Self::with(plan, TransportBasis::new(layout, REPLICATES), None, seed);
+        working.key = hash_words(&[working.key, stage.fingerprint]);
+        working.stored = path.map(|path| (path, 0));
+        if working.take_from_cache(stage, reporter) {
             working.derive();
         } else {
             working.add(stage.options.spp.unwrap_or(FIRST_SAMPLES), stage, reporter)?;
@@ -296,9 +292,43 @@ impl WorkingBasis {
         Ok(working)
     }
 
+    /// Takes the basis from its file in the cache, if there is one that fits, and says whether. What an
+    /// earlier attempt at the same run has found there holds, whatever is there now.
+    fn take_from_cache(&mut self, stage: &Stage, reporter: &impl Reporter) -> bool {
+        let Some((path, samples)) = &mut self.stored else { return false };
+        let (products, say) = (stage.products, |text: &str| reporter.note(text));
+        let found_then = products.load(self.key, CACHED);
+        let from = match found_then.as_deref() {
+            None => Some(path.clone()),
+            Some([0]) => None,
+            Some(_) => products.path(self.key, KIND),
+        };
+        let loaded = from.filter(|from| from.exists()).and_then(|from| match TransportBasis::load(&from) {
+            Ok((basis, _)) => self.basis.is_alike(&basis).then_some(basis),
+            // It is written anew.
+            Err(e) => {
+                say(&format!("{e}; rendering it again"));
+                None
+            }
+        });
+        if found_then.is_none() {
+            if let Some(basis) = &loaded {
+                products.save_file(self.key, KIND, say, |to| basis.save_unsynced(to, &Value::Null));
+            }
+            products.save(self.key, CACHED, say, |out| out.write_all(&[u8::from(loaded.is_some())]));
+        }
+        let Some(basis) = loaded else { return false };
+        let n = basis.n_samples() * REPLICATES as u32;
+        say(&format!("using {}: {n} samples a pixel, nothing to render", path.display()));
+        *samples = basis.n_samples();
+        self.basis = basis;
+        true
+    }
+
     /// A working basis whose next samples come from `seed`, aimed at `foci` if given.
     fn with(plan: BasisPlan, basis: TransportBasis, foci: Option<Vec<Focus>>, seed: u64) -> Self {
         Self {
+            key: Products::key(&format!("{:?}", basis.layout()), &[seed]),
             plan,
             basis,
             halves: OnceLock::new(),
@@ -311,20 +341,27 @@ impl WorkingBasis {
         }
     }
 
-    /// Stores the basis, if it is kept and has more samples than the file.
+    /// Writes the basis to the run's own file, if it has one, and to the cache, if it is kept there and has
+    /// more samples than the file.
     ///
     /// # Errors
-    /// When it cannot be written.
-    pub fn store(&mut self, setup: Setup) -> Result<(), RunError> {
-        let Some((path, samples)) = &mut self.stored else { return Ok(()) };
-        if *samples == self.basis.n_samples() {
-            return Ok(());
-        }
+    /// When the cache cannot be written.
+    pub fn store(&mut self, setup: Setup, reporter: &impl Reporter) -> Result<(), RunError> {
         let about =
             About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance);
         let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
-        self.basis.save(path, &about)?;
-        *samples = self.basis.n_samples();
+        if let Some(path) = &setup.options.basis_file
+            && let Err(e) = self.basis.save_unsynced(path, &about)
+        {
+            reporter.note(&format!("{e}; going on without it"));
+        }
+        match &mut self.stored {
+            Some((path, samples)) if *samples != self.basis.n_samples() => {
+                self.basis.save(path, &about)?;
+                *samples = self.basis.n_samples();
+            }
+            _ => {}
+        }
         Ok(())
     }
 
@@ -341,6 +378,13 @@ impl WorkingBasis {
         reporter.stage("rendering the transport basis", Some(rows));
         let plan = self.plan.sampling(stage, self.foci.as_deref());
         let renderer = stage.renderer();
+        let samples = hash_words(&[
+            samples_key(stage, stage.camera, &plan, self.seed),
+            u64::from(self.plan.batch),
+            replicates.into(),
+        ]);
+        let product = hash_words(&[self.key, samples, left.into()]);
+        let to_render = self.take_up(product, left, stage);
         self.halves.take();
         self.reduced.take();
         let source = Source {
@@ -350,21 +394,58 @@ impl WorkingBasis {
             sampler: renderer.sampler,
             seed: self.seed,
         };
+        stage.products.begin_growing();
+        let mut kept = to_render;
         while left > 0 {
-            if stage.search_is_over(reporter) && self.basis.n_samples() > 0 {
-                break;
-            }
-            if reporter.cancelled() {
-                return Err(RenderError::Cancelled.into());
-            }
             let count = left.min(self.plan.batch);
-            self.basis.render(source, count, &Unstoppable(reporter))?;
+            // What an earlier attempt has added is only counted.
+            if left <= to_render {
+                if stage.search_is_over(reporter) && self.basis.n_samples() > 0 {
+                    break;
+                }
+                if reporter.cancelled() {
+                    return Err(RenderError::Cancelled.into());
+                }
+                self.basis.render(source, count, &Unstoppable(reporter))?;
+            } else {
+                reporter.advance(u64::from(stage.options.work_size.y * replicates));
+            }
             left -= count;
+            self.key = hash_words(&[self.key, samples, count.into()]);
             self.sampled.push(((count * replicates) as f32, plan.sizes.clone()));
+            if left > 0 && left < kept && stage.products.is_due() {
+                self.keep(product, left, stage, reporter);
+                kept = left;
+            }
+        }
+        if left < kept {
+            self.keep(product, left, stage, reporter);
         }
         self.least_sizes = (0..plan.sizes.len()).map(|l| self.least_size(l)).collect();
         self.derive();
         Ok(())
+    }
+
+    /// Takes up the basis to which an earlier attempt has added samples; returns how many of the `left` ones
+    /// of each replicate it has left.
+    fn take_up(&mut self, product: u64, left: u32, stage: &Stage) -> u32 {
+        let path = stage.products.path(product, KIND).filter(|path| path.exists());
+        let Some((basis, about)) = path.and_then(|path| TransportBasis::load(&path).ok()) else {
+            return left;
+        };
+        match about.as_u64() {
+            Some(then) if then < u64::from(left) && self.basis.is_alike(&basis) => {
+                self.basis = basis;
+                then as u32
+            }
+            _ => left,
+        }
+    }
+
+    /// Keeps the basis, to which `left` samples of each replicate are still to be added.
+    fn keep(&self, product: u64, left: u32, stage: &Stage, reporter: &impl Reporter) {
+        let write = |path: &Path| self.basis.save_unsynced(path, &Value::from(left));
+        stage.products.save_file(product, KIND, |text| reporter.note(text), write);
     }
 
     /// Least size of a light within which [`MIN_SHARE_WITHIN`] of its samples fall, in its range; 0 for a
@@ -428,6 +509,7 @@ impl WorkingBasis {
         self.basis.fade();
         self.sampled.iter_mut().for_each(|(samples, _)| *samples *= 0.5);
         self.seed = hash_words(&[self.seed, 0]);
+        self.key = hash_words(&[self.key, 0]);
         self.foci = Some(foci);
     }
 

@@ -4,12 +4,14 @@
 //! figure is the softness of the shadows, along a row the brightness.
 
 use glam::UVec2;
+use serde_json::Value;
 
 use super::{
     canvas::displayed,
     grid::{Cell, Grid, Row},
 };
 use crate::{
+    audit::products::Products,
     film::Picture,
     integrator::{Integrator, Observer, RenderError, View, aov},
     light::{Light, Outline, SizeDensity},
@@ -49,7 +51,7 @@ pub enum FluxError {
 
 /// Size, samples and integrator of the pictures.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct Settings<'a> {
     /// Size of each picture, pixels.
     pub size: UVec2,
     /// Samples per pixel of the basis.
@@ -60,6 +62,8 @@ pub struct Settings {
     pub sampler: SamplerKind,
     /// Seed of the scrambles of the basis.
     pub seed: u64,
+    /// Products, among which the basis is sought and kept.
+    pub products: &'a Products,
 }
 
 /// Extent of a light at the size `size`, in words.
@@ -121,10 +125,21 @@ impl OneLight {
         let layout = Layout::new(settings.size, bins.collect(), ValueNodes::new(dark.value, 1));
         let mut plan = SamplingPlan::uniform(&dark);
         plan.sizes[light] = SizeDensity::any_size([least, largest]);
-        let mut basis = TransportBasis::new(layout, 1);
-        let Settings { integrator, sampler, seed, spp, .. } = *settings;
+        let Settings { integrator, sampler, seed, spp, products, .. } = *settings;
         let source = Source { view, plan: &plan, integrator: &integrator, sampler, seed };
-        basis.render(source, spp, observer)?;
+        let words = format!("{:?} {layout:?} {plan:?} {integrator:?} {sampler:?} {spp}", view.camera);
+        let key = Products::key(&words, &[scene.fingerprint(), seed]);
+        let kept = products.path(key, "flux").and_then(|path| TransportBasis::load(&path).ok());
+        let basis = match kept {
+            Some((kept, _)) if *kept.layout() == layout => kept,
+            _ => {
+                let mut basis = TransportBasis::new(layout, 1);
+                basis.render(source, spp, observer)?;
+                let nobody = |_: &str| {};
+                products.save_file(key, "flux", nobody, |path| basis.save_unsynced(path, &Value::Null));
+                basis
+            }
+        };
         let step = (f64::from(largest) / f64::from(least)).powf(1.0 / (N_SIZES - 1) as f64);
         let sizes = std::array::from_fn(|i| f64::from(least) * step.powi(i as i32));
         Ok(Self { basis, light, unit, sizes, dark })

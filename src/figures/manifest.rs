@@ -11,6 +11,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::Part;
+use crate::audit::unfinished::UNFINISHED;
 
 /// Name of the manifest, the file that makes a directory one of figures.
 pub const MANIFEST: &str = "manifest.json";
@@ -67,7 +68,8 @@ pub fn check(path: &Path, force: bool) -> Result<(), ManifestError> {
     let is_empty = match fs::read_dir(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => true,
         Err(source) => return Err(fail(path, "read the directory")(source)),
-        Ok(mut entries) => entries.next().is_none(),
+        // Whoever makes figures has begun it there.
+        Ok(entries) => entries.flatten().all(|e| e.file_name() == UNFINISHED),
     };
     match (is_empty, path.join(MANIFEST).exists(), force) {
         (true, ..) | (_, true, true) => Ok(()),

@@ -87,6 +87,32 @@ pub fn write_atomically<T, E>(
 where
     E: From<AtomicWriteError>,
 {
+    put(path, true, write)
+}
+
+/// Writes `path` as [`write_atomically`] does, whole whenever the process ends, but not when the machine
+/// does: without waiting for the disk. For files that can be made again.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_unsynced<T, E>(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,
+) -> Result<T, E>
+where
+    E: From<AtomicWriteError>,
+{
+    put(path, false, write)
+}
+
+fn put<T, E>(
+    path: &Path,
+    is_synced: bool,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,
+) -> Result<T, E>
+where
+    E: From<AtomicWriteError>,
+{
     let fail = |action| {
         let path = path.to_owned();
         move |source| AtomicWriteError { path, action, source }
@@ -113,11 +139,15 @@ where
     let mut writer = BufWriter::new(file);
     let result = write(&mut writer)?;
     writer.flush().map_err(fail("write the file"))?;
-    writer.get_ref().sync_all().map_err(fail("write the file to disk"))?;
+    if is_synced {
+        writer.get_ref().sync_all().map_err(fail("write the file to disk"))?;
+    }
     drop(writer);
     fs::rename(&temporary.path, path).map_err(fail("put the file in its place"))?;
     temporary.armed = false;
-    sync_directory(directory).map_err(fail("write the directory to disk"))?;
+    if is_synced {
+        sync_directory(directory).map_err(fail("write the directory to disk"))?;
+    }
     Ok(result)
 }
 

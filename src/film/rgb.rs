@@ -1,6 +1,9 @@
 //! The film of ordinary pictures, one of each light or one of each lighting.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::{
+    io::{self, Write},
+    sync::atomic::{AtomicU64, Ordering},
+};
 
 use glam::{UVec2, Vec2};
 
@@ -108,7 +111,32 @@ impl RgbFilm {
     }
 }
 
+/// Numbers that are written at a time.
+const CHUNK: usize = 1 << 13;
+
 impl<const N: usize> RgbFilm<N> {
+    /// Writes the sums so far, exactly.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
+        for chunk in self.sums.chunks(CHUNK) {
+            let bytes: Vec<u8> = chunk.iter().flat_map(|sum| sum.to_le_bytes()).collect();
+            out.write_all(&bytes)?;
+        }
+        self.splats.write_sums(out)
+    }
+
+    /// Takes the sums of a film of the same pictures from the beginning of what [`Self::write_sums`] has
+    /// written, and returns the rest; `None`, and the film is as before, where that is too short.
+    #[must_use]
+    pub fn read_sums<'b>(&mut self, bytes: &'b [u8]) -> Option<&'b [u8]> {
+        let (sums, rest) = bytes.split_at_checked(8 * self.sums.len())?;
+        let rest = self.splats.read_sums(rest)?;
+        self.sums.iter_mut().zip(sums.as_chunks().0).for_each(|(sum, b)| *sum = f64::from_le_bytes(*b));
+        Some(rest)
+    }
+
     /// A film of `size` pixels for a picture of each of `lightings`; the k-th sees the background
     /// at the k-th node of the render.
     #[must_use]

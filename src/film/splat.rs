@@ -1,6 +1,9 @@
 //! Accumulation of t = 1 contributions, independent of their order.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::{
+    io::{self, Write},
+    sync::atomic::{AtomicU64, Ordering},
+};
 
 use crate::math::Rgb;
 
@@ -33,6 +36,28 @@ impl SplatBuffer {
     #[must_use]
     pub fn new(n: usize) -> Self {
         Self { cells: (0..3 * n).map(|_| AtomicU64::new(0)).collect(), overflows: AtomicU64::new(0) }
+    }
+
+    /// Writes the sums so far, exactly.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
+        for chunk in self.cells.chunks(1 << 13) {
+            let bytes: Vec<u8> = chunk.iter().flat_map(|c| c.load(Ordering::Relaxed).to_le_bytes()).collect();
+            out.write_all(&bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the sums of a buffer of as many cells from the beginning of what [`Self::write_sums`] has
+    /// written, and returns the rest; `None` where that is too short.
+    #[must_use]
+    pub fn read_sums<'b>(&mut self, bytes: &'b [u8]) -> Option<&'b [u8]> {
+        let (sums, rest) = bytes.split_at_checked(8 * self.cells.len())?;
+        let numbers = sums.as_chunks().0.iter().map(|b| u64::from_le_bytes(*b));
+        self.cells.iter_mut().zip(numbers).for_each(|(cell, sum)| *cell.get_mut() = sum);
+        Some(rest)
     }
 
     /// Adds a non-negative, finite value times `scale` to cell `i`.
@@ -79,6 +104,18 @@ mod tests {
         assert_eq!(a.get(0, 0.25), b.get(0, 0.25));
         let exact: f64 = values.iter().map(|&v| f64::from(v)).sum();
         assert!((a.get(0, 0.25)[0] - exact).abs() < 1e-6);
+    }
+
+    #[test]
+    fn sums_are_written_and_read_exactly() {
+        let mut bytes = Vec::new();
+        let (a, mut b) = (SplatBuffer::new(3000), SplatBuffer::new(3000));
+        (0..3000).for_each(|i| a.add(i, Rgb::new(1.0, 0.1 * i as f32, 1e-9), 0.5));
+        a.write_sums(&mut bytes).unwrap();
+        bytes.push(7);
+        assert_eq!(b.read_sums(&bytes), Some(&[7][..]));
+        assert!((0..3000).all(|i| a.get(i, 0.5) == b.get(i, 0.5)));
+        assert_eq!(b.read_sums(&bytes[2..]), None);
     }
 
     #[test]

@@ -137,6 +137,12 @@ impl TransportBasis {
         self.luminance.len()
     }
 
+    /// Whether another basis has tables of the same meaning.
+    #[must_use]
+    pub fn is_alike(&self, other: &Self) -> bool {
+        self.layout == other.layout && self.n_replicates() == other.n_replicates()
+    }
+
     /// Samples per pixel of each replicate, counted with their weights.
     #[must_use]
     pub fn n_samples(&self) -> u32 {

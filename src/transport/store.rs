@@ -8,7 +8,7 @@
 
 use std::{
     fs::File,
-    io::{self, BufReader, Read, Write},
+    io::{self, BufReader, BufWriter, Read, Write},
     path::{Path, PathBuf},
 };
 
@@ -18,7 +18,10 @@ use serde_json::Value;
 
 use super::{Knots, Layout, SizeBins, TransportBasis, ValueNodes, layout::COLOURS};
 use crate::{
-    files::{atomic::AtomicWriteError, write_atomically},
+    files::{
+        atomic::{AtomicWriteError, write_unsynced},
+        write_atomically,
+    },
     math::hash::hash_words,
 };
 
@@ -96,6 +99,18 @@ impl TransportBasis {
     /// # Errors
     /// When the file cannot be written.
     pub fn save(&self, path: &Path, about: &Value) -> Result<(), StoreError> {
+        write_atomically(path, |file| self.write(file, path, about))
+    }
+
+    /// Writes the basis as [`Self::save`] does, without waiting for the disk.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn save_unsynced(&self, path: &Path, about: &Value) -> Result<(), StoreError> {
+        write_unsynced(path, |file| self.write(file, path, about))
+    }
+
+    fn write(&self, file: &mut BufWriter<File>, path: &Path, about: &Value) -> Result<(), StoreError> {
         let layout = &self.layout;
         let header = Header {
             about: about.clone(),
@@ -114,22 +129,20 @@ impl TransportBasis {
         };
         let fail = |source| StoreError::Io { path: path.into(), source };
         let header = serde_json::to_vec(&header).map_err(|e| fail(e.into()))?;
-        write_atomically(path, |file| {
-            let mut out = Hashed { file, hash: 0 };
-            let mut write = |bytes: &[u8]| out.write(bytes).map_err(fail);
-            write(MAGIC)?;
-            write(&[VERSION])?;
-            write(&(header.len() as u64).to_le_bytes())?;
-            write(&header)?;
-            for table in self.luminance.iter().chain([&self.colour]) {
-                for part in table.chunks(CHUNK) {
-                    let bytes: Vec<u8> = part.iter().flat_map(|v| v.to_le_bytes()).collect();
-                    write(&bytes)?;
-                }
+        let mut out = Hashed { file, hash: 0 };
+        let mut write = |bytes: &[u8]| out.write(bytes).map_err(fail);
+        write(MAGIC)?;
+        write(&[VERSION])?;
+        write(&(header.len() as u64).to_le_bytes())?;
+        write(&header)?;
+        for table in self.luminance.iter().chain([&self.colour]) {
+            for part in table.chunks(CHUNK) {
+                let bytes: Vec<u8> = part.iter().flat_map(|v| v.to_le_bytes()).collect();
+                write(&bytes)?;
             }
-            let hash = out.hash.to_le_bytes();
-            out.file.write_all(&hash).map_err(fail)
-        })
+        }
+        let hash = out.hash.to_le_bytes();
+        out.file.write_all(&hash).map_err(fail)
     }
 
     /// Reads a basis, and the description that was stored with it.

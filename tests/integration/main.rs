@@ -19,6 +19,7 @@ mod pictures;
 mod reach;
 mod reliability;
 mod render;
+mod resume;
 mod room;
 mod run;
 mod sidecar;

@@ -20,7 +20,7 @@ fn spawn(room: &Room, arguments: &[&str]) -> Child {
 }
 
 /// Starts the program in a room and waits until it says `line`.
-fn start(room: &Room, arguments: &[&str], line: &str) -> Child {
+pub fn start(room: &Room, arguments: &[&str], line: &str) -> Child {
     let mut child = spawn(room, arguments);
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     assert!(lines.any(|l| l.starts_with(line)), "it never says `{line}`");
@@ -35,7 +35,7 @@ fn signal(child: &Child, name: &str) {
 }
 
 /// Ends a program by a signal, and checks how it ends and that it does so soon.
-fn end(child: &mut Child, name: &str, status: i32) {
+pub fn end(child: &mut Child, name: &str, status: i32) {
     let clock = Instant::now();
     signal(child, name);
     assert_eq!(child.wait().unwrap().code(), Some(status), "{name}");

@@ -30,8 +30,9 @@ use crate::{
     for each table, runs/ with the run directory of every picture, and manifest.json with the\n\
     SHA-256 of every file. The same options and seed give the same bytes, but for timings.csv\n\
     and the runs' timing.jsonl. What is measured: see `evaluate --help`.\n\
-    Ctrl-C ends after the present picture; files are whole or not there.\n\
-    Exit status: 0 done, 1 failed, 2 wrong usage.")]
+    Ctrl-C, SIGTERM or SIGHUP ends within two seconds; files are whole or not there, and\n\
+    `figures --resume DIR` goes on. Until all is done, DIR/.resume holds what took long to make.\n\
+    Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 #[command(mut_arg("force", |a| a.help("Replace earlier figures in that directory; files of others stay")))]
 #[command(mut_arg("size", |a| a.help("Size of the pictures [default: 480x360; quick: 160x120]")))]
 #[command(mut_arg("work_size", |a| {
@@ -41,6 +42,11 @@ pub struct FiguresArgs {
     /// Directory to write to
     #[arg(long, value_name = "DIR", default_value = "figures")]
     pub out: PathBuf,
+
+    /// Go on with figures that were stopped or killed: DIR is their --out, and their options are those with
+    /// which they were begun, so that none can be given. All ends as if it had never been stopped
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    pub resume: Option<PathBuf>,
 
     /// Make only these
     #[arg(long, value_name = "PART,…", value_delimiter = ',', value_parser = one_of(&PARTS))]

@@ -47,6 +47,8 @@ pub(super) struct Runner<'a> {
     pub console: &'a Console,
     /// Whether earlier runs are replaced.
     pub force: bool,
+    /// Directory of what takes long to make, until all is done.
+    pub products: &'a Path,
 }
 
 /// Results of runs for all looks, and the seconds that they took.
@@ -104,6 +106,8 @@ impl Runner<'_> {
             seed: self.transport.seed,
             max_evaluations: self.settings.max_evaluations,
             force: self.force,
+            products: Some(self.products.to_owned()),
+            basis_file: None,
         })
     }
 

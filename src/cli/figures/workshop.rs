@@ -1,6 +1,9 @@
 //! Making of the parts, one after another, and of the files that hold them.
 
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use anyhow::Context;
 use serde_json::json;
@@ -10,7 +13,7 @@ use super::{
     runs::{Done, Runner, TIMING_HEADER, stop_if_interrupted},
 };
 use crate::{
-    audit::write_whole,
+    audit::{products::Products, write_whole},
     cli::{common::load_scene, progress::Console},
     design::Reporter,
     embree,
@@ -49,13 +52,14 @@ impl<'a> Workshop<'a> {
     /// When it cannot be written.
     pub fn open(
         args: &'a FiguresArgs,
-        settings: Settings,
+        force: bool,
         parts: &[Part],
         console: &'a Console,
+        products: &'a Path,
     ) -> anyhow::Result<Self> {
-        let out = args.out.as_path();
+        let (out, settings) = (args.out.as_path(), Settings::of(args));
         fs::create_dir_all(out).with_context(|| format!("{}: cannot make the directory", out.display()))?;
-        if args.pictures.force {
+        if force {
             manifest::clear(out)?;
         }
         let transport = &args.transport;
@@ -93,7 +97,8 @@ impl<'a> Workshop<'a> {
             settings,
             transport,
             console,
-            force: args.pictures.force,
+            force,
+            products,
         };
         let workshop = Self { runner, manifest, blocks: Vec::new(), seconds: Vec::new() };
         workshop.save()?;
@@ -177,6 +182,7 @@ impl<'a> Workshop<'a> {
         console.note("== One light at several sizes and fluxes");
         let path = scenes.join(BASKET);
         let loaded = load_scene(&path, &self.runner.confinement.options(), |w| console.note(w))?;
+        let products = Products::new(Some(self.runner.products));
         let how = flux::Settings {
             size: settings.thumbnail(),
             // Samples are spread over all sizes.
@@ -184,6 +190,7 @@ impl<'a> Workshop<'a> {
             integrator: transport.integrator(),
             sampler: transport.sampler,
             seed: transport.seed,
+            products: &products,
         };
         console.stage("rendering the transport basis", Some(u64::from(how.size.y)));
         let grid = match flux::grid(&loaded.scene, &loaded.constraints, &how, console) {

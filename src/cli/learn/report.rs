@@ -58,7 +58,7 @@ pub(super) fn to_json(
         .collect();
     let (right, judged) = score(confusion);
     json!({
-        "output": args.output,
+        "output": args.output(),
         "method": super::method(args),
         "longest_side": args.longest_side,
         "classes": outcomes.iter().map(|o| class_json(o, &names(outcomes))).collect::<Value>(),
@@ -121,7 +121,7 @@ pub(super) fn to_table(args: &LearnArgs, outcomes: &[Outcome], confusion: &[Vec<
         targets_table(&mut text, outcomes);
     }
     // Writing to a String does not fail.
-    let _ = writeln!(text, "{}", args.output.display());
+    let _ = writeln!(text, "{}", args.output().display());
     for (path, _) in outcomes.iter().filter_map(|o| o.target.as_ref()) {
         let _ = writeln!(text, "{}", path.display());
     }

@@ -1,0 +1,88 @@
+//! Going on with a command that was stopped or killed.
+
+use std::{
+    env,
+    io::{self, Write as _},
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+use clap::{Args, Command as Parser};
+
+use super::signals;
+use crate::audit::unfinished::{Command, Unfinished};
+
+/// Index of the first argument after the program's name and the subcommand's.
+const FIRST: usize = 2;
+
+/// Begins a command whose record and products go to `directory`.
+///
+/// # Errors
+/// Those of [`Unfinished::begin`].
+pub fn begin(directory: &Path, force: bool) -> anyhow::Result<Unfinished> {
+    let here = env::current_dir().context("cannot tell the current directory")?;
+    // Names that are no text would not be found again: such a command is recorded as they look.
+    let arguments = env::args_os().skip(FIRST).map(|word| word.to_string_lossy().into_owned()).collect();
+    Ok(Unfinished::begin(directory, &Command::new(here, arguments), force)?)
+}
+
+/// Takes up the command that writes to `place`, whose record is in `directory`: goes to where it was begun,
+/// and reads its arguments again; `writes_to` tells from them where it writes.
+///
+/// # Errors
+/// Those of [`Unfinished::take_up`], or when the place has been moved.
+pub fn take_up<A: Args>(
+    name: &'static str,
+    place: &Path,
+    directory: &Path,
+    writes_to: impl Fn(&A) -> anyhow::Result<PathBuf>,
+) -> anyhow::Result<(Unfinished, A)> {
+    // Seen from elsewhere the path would lead elsewhere.
+    let directory = env::current_dir().context("cannot tell the current directory")?.join(directory);
+    let (unfinished, command) = Unfinished::take_up(&directory)?;
+    let begun_in = &command.directory;
+    env::set_current_dir(begun_in)
+        .with_context(|| format!("{}: it was begun in {}", place.display(), begun_in.display()))?;
+    let parser = A::augment_args(Parser::new(name)).no_binary_name(true);
+    let args = parser.try_get_matches_from(&command.arguments).and_then(|found| A::from_arg_matches(&found));
+    let words = command.arguments.join(" ");
+    let args = args.map_err(|e| {
+        let reason = e.to_string().lines().next().unwrap_or_default().to_owned();
+        anyhow::anyhow!("{}: cannot go on with `{name} {words}`: {reason}", place.display())
+    })?;
+    let recorded = writes_to(&args)?;
+    if recorded.canonicalize().ok() != directory.canonicalize().ok() {
+        bail!(
+            "{}: `{name} {words}` was begun in {} and writes to {}; move it back to go on",
+            place.display(),
+            begun_in.display(),
+            recorded.display()
+        );
+    }
+    Ok((unfinished, args))
+}
+
+/// Ends a command that has come to its end with `result`: what is done leaves no record and no products, nor
+/// does what failed before it made any; of the rest the user is told how to go on with it.
+///
+/// # Errors
+/// `result`, or when the products cannot be removed.
+pub fn end<T>(
+    unfinished: Unfinished,
+    name: &str,
+    place: &Path,
+    result: anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let is_done = match &result {
+        _ if signals::received() => false,
+        Ok(_) => true,
+        Err(_) => unfinished.is_empty(),
+    };
+    if is_done {
+        unfinished.end()?;
+    } else {
+        // Standard error may be closed.
+        let _ = writeln!(io::stderr(), "to go on: lightopt-embree {name} --resume {}", place.display());
+    }
+    result
+}
