@@ -15,7 +15,8 @@ use glam::{Vec2, Vec3};
 
 use super::{error::LineError, imported::Part};
 
-/// Corners of a polygon above which it is taken to be convex: clipping ears grows with the square.
+/// Corners of a polygon above which it is taken to be convex. Clipping ears takes 10 ms for a comb of 1000
+/// corners, 60 ms for one that crosses itself at random, and grows with the square.
 const MAX_CONCAVE: usize = 1000;
 /// Bend of a polygon's edge below which it counts as straight, in twice the polygon's area: rounding
 /// of f32 coordinates bends by some 10⁻⁷.
