@@ -33,7 +33,7 @@ mod sphere;
 
 use glam::{Vec2, Vec3};
 
-use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, luminance, offset};
+use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, distance2, luminance, offset};
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
@@ -147,7 +147,7 @@ impl Light {
     /// 1 for a light at infinity.
     #[must_use]
     pub fn distance2(&self, on_light: Vec3, p: Vec3) -> f32 {
-        if self.is_infinite() { 1.0 } else { on_light.distance_squared(p) }
+        if self.is_infinite() { 1.0 } else { distance2(on_light, p) }
     }
 
     /// Crossing of the ray from `org` along unit `dir` with the emitting side of the light at size

@@ -19,7 +19,7 @@ pub use distribution::Discrete;
 pub use frame::Frame;
 pub use node_rgb::NodeRgb;
 pub use offset::offset;
-pub use pdf::{AreaPdf, Pmf, SolidAnglePdf};
+pub use pdf::{AreaPdf, LEAST_DISTANCE2, Pmf, SolidAnglePdf, distance2};
 pub use rgb::{Rgb, luminance};
 
 /// The largest `f32` below one: uniform variates lie in `[0, ONE_MINUS_EPSILON]`.

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
-    math::{NodeRgb, Rgb},
+    math::{LEAST_DISTANCE2, NodeRgb, Rgb},
     sampler::Sampler,
 };
 
@@ -84,7 +84,7 @@ pub fn vertices<const N: usize>(
     }
     let d = y.p - z.p;
     let dist2 = d.length_squared();
-    if dist2 == 0.0 {
+    if dist2 < LEAST_DISTANCE2 {
         return;
     }
     let w = d / dist2.sqrt();

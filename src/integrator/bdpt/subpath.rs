@@ -11,7 +11,7 @@ use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
     light::LightPoint,
-    math::{NodeRgb, SolidAnglePdf},
+    math::{NodeRgb, SolidAnglePdf, distance2},
     sampler::Sampler,
     scene::Edge,
 };
@@ -194,8 +194,7 @@ impl<const N: usize> Walk<N> {
             let si = hit.si;
             let wo = -self.dir;
             let light = origin.map(|id| context.light(id));
-            let dist2 =
-                light.map_or_else(|| si.p.distance_squared(from.p), |l| l.light.distance2(from.p, si.p));
+            let dist2 = light.map_or_else(|| distance2(si.p, from.p), |l| l.light.distance2(from.p, si.p));
             let mut mis = self.partial(h, dist2);
             if let Some(sampled) = light {
                 // c_1 on the light side: the density of y_0 as seen from y_1, a later vertex of the
