@@ -18,8 +18,8 @@ use crate::{
         sidecar::{LightSpec, LightType},
     },
     light::{
-        Cone, Distant, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere, Surroundings,
-        look_frame,
+        Cone, Distant, Edge, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere,
+        Surroundings, look_frame,
     },
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
@@ -294,7 +294,7 @@ pub fn punctual(l: &ImportedLight) -> Light {
     let shape = match l.kind {
         Punctual::Point => Shape::Point(Point::isotropic(l.position)),
         Punctual::Spot { inner, outer } => {
-            let cone = Cone { cos_inner: inner.cos(), cos_outer: outer.cos().max(0.0) };
+            let cone = Cone { cos_inner: inner.cos(), cos_outer: outer.cos().max(0.0), edge: Edge::Smooth };
             Shape::Point(Point { position: l.position, cone: Some((l.direction, cone)) })
         }
         Punctual::Directional => distant(l.direction),
@@ -320,7 +320,7 @@ fn distant(direction: Vec3) -> Shape {
 /// A cone of half-angle `angle`, radians, of which the share `softness` is soft edge.
 fn cone(angle: f32, softness: f32) -> Cone {
     let cos = |a: f32| a.min(FRAC_PI_2).cos().max(0.0);
-    Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle) }
+    Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle), edge: Edge::Smooth }
 }
 
 /// An image of half the width and height, both even: means over 2 × 2 pixels.
