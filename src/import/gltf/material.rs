@@ -137,7 +137,7 @@ impl<'a> Materials<'a> {
         }
         match out.model {
             Model::Plastic => {}
-            Model::Diffuse | Model::Conductor | Model::Dielectric => {
+            Model::Diffuse | Model::Conductor | Model::Dielectric | Model::Thin => {
                 (out.metallic, out.metallic_map) = (0.0, None);
             }
         }
