@@ -14,8 +14,10 @@ pub mod imported;
 pub mod mtl;
 pub mod mtl_params;
 pub mod obj;
+pub mod sheets;
 pub mod sidecar;
 pub mod stage;
+pub mod warnings;
 pub mod wavefront;
 
 pub use builder::{LoadOptions, Loaded, load, load_with};

@@ -6,10 +6,12 @@
 mod basis;
 mod evaluate;
 mod export;
+mod exporters;
 mod exr_bytes;
 mod figures;
 mod gltf;
 mod known_optimum;
+mod large;
 mod limits;
 mod loader;
 mod photo;
