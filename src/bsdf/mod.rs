@@ -27,6 +27,7 @@ pub mod microfacet;
 pub mod nearest;
 pub mod plastic;
 mod table;
+pub mod thin;
 
 use glam::{Vec2, Vec3};
 
@@ -39,6 +40,7 @@ pub use dielectric::{Dielectric, Glass};
 pub use diffuse::Diffuse;
 pub use facets::{Facets, FacetsPoint};
 pub use plastic::{Coat, CoatPoint, Plastic};
+pub use thin::Thin;
 
 /// What is transported along the subpath that is being extended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,6 +107,8 @@ pub enum Bsdf<'a> {
     Plastic(Plastic<'a>),
     /// A mixture of the opaque models.
     Blend(Blend<'a>),
+    /// A thin sheet of glass.
+    Thin(Thin<'a>),
 }
 
 impl Bsdf<'_> {
@@ -117,6 +121,7 @@ impl Bsdf<'_> {
             Self::Conductor(b) => b.evaluate(up_o, up_i),
             Self::Plastic(b) => b.evaluate(up_o, up_i),
             Self::Blend(b) => b.evaluate(up_o, up_i),
+            Self::Thin(b) => b.evaluate(up_o, up_i),
             Self::Dielectric(b) => b.evaluate(wo, wi, mode),
         }
     }
@@ -144,6 +149,7 @@ impl Bsdf<'_> {
             Self::Conductor(b) => b.sample(up, uc, u),
             Self::Plastic(b) => b.sample(up, uc, u),
             Self::Blend(b) => b.sample(up, uc, u),
+            Self::Thin(b) => b.sample(up, uc, u),
         };
         sample.map(|s| if flipped { BsdfSample { wi: turn_over(s.wi), ..s } } else { s })
     }
@@ -152,7 +158,7 @@ impl Bsdf<'_> {
     #[must_use]
     pub fn transmits(&self) -> bool {
         match self {
-            Self::Dielectric(_) => true,
+            Self::Dielectric(_) | Self::Thin(_) => true,
             Self::Diffuse(_) | Self::Conductor(_) | Self::Plastic(_) | Self::Blend(_) => false,
         }
     }
@@ -165,6 +171,7 @@ impl Bsdf<'_> {
             Self::Conductor(b) => b.facets.is_some(),
             Self::Dielectric(b) => b.facets.is_some(),
             Self::Blend(b) => b.has_non_delta(),
+            Self::Thin(b) => b.facets.is_some(),
         }
     }
 }

@@ -9,8 +9,8 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 
 use super::{
-    Affine, Blend, Bsdf, CoatPoint, Conductor, conductor, fresnel, interface, microfacet::Ggx, reflect_about,
-    table::Table,
+    Affine, Blend, Bsdf, CoatPoint, Conductor, Thin, conductor, fresnel, interface, microfacet::Ggx,
+    reflect_about, table::Table,
 };
 use crate::math::Rgb;
 
@@ -23,6 +23,7 @@ impl Bsdf<'_> {
             Self::Conductor(b) => metal(b),
             Self::Plastic(b) => coated(&b.coat, b.albedo),
             Self::Dielectric(_) => Affine::coat(Rgb::ONE),
+            Self::Thin(b) => sheet(b),
             Self::Blend(b) => mixture(b, &metal, &coated),
         }
     }
@@ -38,9 +39,15 @@ impl Bsdf<'_> {
             Self::Conductor(b) => single_metal(b),
             Self::Plastic(b) => single_coated(&b.coat, b.albedo),
             Self::Dielectric(b) => Affine::coat(Rgb::splat(1.0 - b.average_loss())),
+            Self::Thin(b) => sheet(b) * (1.0 - b.facets.map_or(0.0, |f| f.average_loss())),
             Self::Blend(b) => mixture(b, &single_metal, &single_coated),
         }
     }
+}
+
+/// What a sheet reflects and passes together.
+fn sheet(b: &Thin) -> Affine {
+    Affine::coat(Rgb::splat(b.average) + b.tint * (1.0 - b.average))
 }
 
 fn mixture(

@@ -31,6 +31,8 @@ pub struct Camera {
     forward: Vec3,
     /// Half-width and half-height of the film plane at distance 1.
     half: Vec2,
+    /// Shift of the film to the right and up, in lengths of its longer side.
+    shift: Vec2,
     /// Width and height of the film, pixels.
     size: UVec2,
 }
@@ -74,6 +76,7 @@ impl Camera {
             up: right.cross(forward),
             forward,
             half: Vec2::splat(tan),
+            shift: Vec2::ZERO,
             size,
         };
         Some(camera.resized(size))
@@ -83,6 +86,24 @@ impl Camera {
     #[must_use]
     pub fn with_lens(self, lens: Option<Lens>) -> Self {
         Self { lens, ..self }
+    }
+
+    /// The camera with its film shifted to the right and up, in lengths of the film's longer side: it sees
+    /// what lies there without being turned, as Blender's *Shift X* and *Y* and a view camera's rise do.
+    #[must_use]
+    pub fn with_shift(self, shift: Vec2) -> Self {
+        Self { shift, ..self }
+    }
+
+    /// Shift of the film to the right and up, in lengths of its longer side.
+    #[must_use]
+    pub fn shift(&self) -> Vec2 {
+        self.shift
+    }
+
+    /// Middle of the film plane at distance 1, to the right of and above the viewing direction.
+    fn middle(&self) -> Vec2 {
+        self.shift * (2.0 * self.half.max_element())
     }
 
     /// The lens; `None` for a pinhole.
@@ -145,7 +166,9 @@ impl Camera {
     /// Vector from the lens's centre to a raster position on the film plane one metre ahead.
     fn film_point(&self, raster: Vec2) -> Vec3 {
         let ndc = raster / self.size.as_vec2() * 2.0 - Vec2::ONE;
-        self.forward + self.right * (ndc.x * self.half.x) - self.up * (ndc.y * self.half.y)
+        let middle = self.middle();
+        self.forward + self.right * (ndc.x * self.half.x + middle.x)
+            - self.up * (ndc.y * self.half.y - middle.y)
     }
 
     /// Unit direction of the ray through a raster position and the lens's centre.
@@ -190,7 +213,8 @@ impl Camera {
             None => d / z,
             Some(lens) => d / z + (on_lens - self.position) / lens.focus_distance,
         };
-        let ndc = Vec2::new(seen.dot(self.right), -seen.dot(self.up)) / self.half;
+        let middle = self.middle();
+        let ndc = Vec2::new(seen.dot(self.right) - middle.x, middle.y - seen.dot(self.up)) / self.half;
         let raster = (ndc + Vec2::ONE) * 0.5 * self.size.as_vec2();
         let size = self.size.as_vec2();
         if !(raster.x >= 0.0 && raster.y >= 0.0 && raster.x < size.x && raster.y < size.y) {
@@ -219,6 +243,29 @@ mod tests {
             assert!((s.wi + c.direction(raster)).length() < 1e-6);
         }
         assert!(c.sample_wi(c.position, c.position + Vec3::new(1.0, 2.0, 3.0)).is_none());
+    }
+
+    #[test]
+    fn a_shifted_film_sees_what_lies_beside_without_turning() {
+        let c = camera();
+        let shifted = c.clone().with_shift(Vec2::new(0.25, -0.5));
+        // A quarter of the width of 40 pixels to the right, half of it down.
+        let moved = Vec2::new(10.0, 20.0);
+        for raster in [Vec2::new(0.5, 0.5), Vec2::new(20.0, 15.0), Vec2::new(39.7, 3.2)] {
+            let dir = shifted.direction(raster);
+            assert!((dir - c.direction(raster + moved)).length() < 1e-6);
+            assert_eq!(shifted.pdf_we(dir), c.pdf_we(dir));
+            for camera in
+                [shifted.clone(), shifted.clone().with_lens(Some(Lens { radius: 0.1, focus_distance: 2.0 }))]
+            {
+                let (org, dir) = camera.ray(raster, Vec2::new(0.3, 0.9));
+                let s = camera.sample_wi(org, org + dir * 2.5).unwrap();
+                assert!((s.raster - raster).length() < 1e-3, "{}", s.raster);
+            }
+        }
+        // The same picture of another size.
+        let small = shifted.resized(UVec2::new(20, 15));
+        assert!((small.direction(Vec2::ZERO) - shifted.direction(Vec2::ZERO)).length() < 1e-6);
     }
 
     #[test]

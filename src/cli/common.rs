@@ -16,7 +16,7 @@ use super::{
 use crate::{
     audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
-    import::{self, LoadOptions, Loaded},
+    import::{self, LoadOptions, Loaded, sidecar::CameraName},
     integrator::{Integrator, IntegratorKind},
     lighting::{Lighting, MAX_EXPOSURE},
     math::display::LuminanceMode,
@@ -79,6 +79,23 @@ impl FromArgMatches for IntegratorFlags {
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
         *self = Self::from_arg_matches(matches)?;
         Ok(())
+    }
+}
+
+/// Options of the subcommands that load a scene.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CameraArgs {
+    /// Camera of the scene file to see through: its name, or its number from 1 [default: the sidecar's,
+    /// else the first]
+    #[arg(long, value_name = "NAME|N")]
+    pub camera: Option<String>,
+}
+
+impl CameraArgs {
+    /// How a scene is loaded.
+    #[must_use]
+    pub fn options(&self, confinement: ConfinementArgs) -> LoadOptions {
+        LoadOptions { camera: self.camera.clone().map(CameraName::Name), ..confinement.options() }
     }
 }
 
@@ -229,7 +246,7 @@ impl ConfinementArgs {
     /// How the scene is loaded.
     #[must_use]
     pub fn options(self) -> LoadOptions {
-        LoadOptions { confine: self.confine }
+        LoadOptions { confine: self.confine, ..LoadOptions::default() }
     }
 }
 

@@ -9,7 +9,7 @@ use clap::{
 use glam::UVec2;
 
 use super::{
-    common::{ConfinementArgs, lighting, load_scene, parse_size},
+    common::{CameraArgs, ConfinementArgs, lighting, load_scene, parse_size},
     progress::Console,
 };
 use crate::{
@@ -47,6 +47,10 @@ pub struct ExportArgs {
     #[arg(long, value_name = "FILE")]
     pub lights: Option<PathBuf>,
 
+    /// Camera of the scene file.
+    #[command(flatten)]
+    pub camera: CameraArgs,
+
     /// Size of the picture, pixels [default: the sidecar's]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<UVec2>,
@@ -62,7 +66,8 @@ pub struct ExportArgs {
 /// When the scene or the lighting is wrong, cannot be represented, or cannot be written.
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let console = Console::new();
-    let scene = load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?.scene;
+    let options = args.camera.options(args.confinement);
+    let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
     let lighting = lighting(&scene, args.lights.as_deref(), None)?;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };

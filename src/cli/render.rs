@@ -8,7 +8,10 @@ use glam::UVec2;
 use serde_json::json;
 
 use super::{
-    common::{ConfinementArgs, TransportArgs, lighting, load_scene, parse_exposure, parse_size, parse_spp},
+    common::{
+        CameraArgs, ConfinementArgs, TransportArgs, lighting, load_scene, parse_exposure, parse_size,
+        parse_spp,
+    },
     progress::Console,
     signals,
 };
@@ -70,6 +73,10 @@ pub struct RenderArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
+    /// Camera of the scene file.
+    #[command(flatten)]
+    pub camera: CameraArgs,
+
     /// Light transport.
     #[command(flatten)]
     pub transport: TransportArgs,
@@ -96,7 +103,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     probe(&output)?;
     let console = Console::new();
     let result = args.transport.in_pool(|| {
-        let scene = load_scene(&args.scene, &args.confinement.options(), |w| console.note(w))?.scene;
+        let options = args.camera.options(args.confinement);
+        let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
         let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
         let view = View { scene: &scene, camera: &camera };

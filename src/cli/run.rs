@@ -15,8 +15,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting, load_scene,
-        luminance_mode, parse_exposure, parse_spp, say_note,
+        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting,
+        load_scene, luminance_mode, parse_exposure, parse_spp, say_note,
     },
     output::{print, print_json},
     progress::Console,
@@ -160,6 +160,10 @@ pub struct RunArgs {
     #[arg(long)]
     pub json: bool,
 
+    /// Camera of the scene file.
+    #[command(flatten)]
+    pub camera: CameraArgs,
+
     /// Light transport.
     #[command(flatten)]
     pub transport: TransportArgs,
@@ -250,7 +254,7 @@ fn work(
     let basis_file = root.join(BASIS);
     let done = args.transport.in_pool(|| {
         let Loaded { scene, constraints, staging, .. } =
-            load_scene(args.scene(), &args.confinement.options(), |w| console.note(w))?;
+            load_scene(args.scene(), &args.camera.options(args.confinement), |w| console.note(w))?;
         signals::end_in_order("keeping what is found so far");
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());

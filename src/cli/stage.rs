@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 
-use super::{common::ConfinementArgs, progress::Console};
+use super::{
+    common::{CameraArgs, ConfinementArgs},
+    progress::Console,
+};
 use crate::{
     audit::write_whole,
     design::Reporter,
@@ -54,6 +57,10 @@ pub struct StageArgs {
     /// where nothing hides it]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = parse_degrees)]
     pub view: Option<f32>,
+
+    /// Camera of the scene file.
+    #[command(flatten)]
+    pub camera: CameraArgs,
 
     /// Which way is up in an OBJ
     #[arg(long, value_enum, default_value_t)]
@@ -107,7 +114,8 @@ pub fn stage(args: &StageArgs) -> anyhow::Result<()> {
     probe(&output)?;
     let options =
         StageOptions { main_object: args.main_object.clone(), up_axis: args.up_axis.into(), view: args.view };
-    let Staging { text, summary } = builder::stage_with(&scene, &options, &args.confinement.options())?;
+    let load = args.camera.options(args.confinement);
+    let Staging { text, summary } = builder::stage_with(&scene, &options, &load)?;
     write_whole(&output, text)?;
     let console = Console::new();
     console.note(&format!("{}: {summary}", scene.display()));

@@ -6,7 +6,10 @@
 //! | ours | Mitsuba | |
 //! | --- | --- | --- |
 //! | camera | `perspective`, `fov_axis` y, `lookat`; `hdrfilm` with a box filter | exact |
-//! | lens | `thinlens`, same radius and distance | exact |
+//! | lens | `thinlens`, same radius and distance | exact; without a shift |
+//! | shift | `principal_point_offset_x`, `_y` | exact |
+//! | thin sheet, smooth | `thindielectric`, `specular_transmittance` | exact |
+//! | thin sheet, rough | `principledthin`, `spec_trans` 1 | approximate: a warning says so |
 //! | `max_depth` | `max_depth`: both count edges after the camera | exact |
 //! | diffuse | `twosided(diffuse)` | exact |
 //! | plastic, smooth | `twosided(plastic)`, `nonlinear` false, albedo times [`compensation`] | exact |
@@ -275,7 +278,7 @@ impl Writer<'_> {
              {}{}{}</scene>\n",
             indented(&property("default", "spp", 64)),
             indented(&integrator),
-            indented(&sensor(self.job.camera())),
+            indented(&sensor(self.job.camera())?),
             self.elements
         );
         self.directory.write(SCENE_FILE, |out| out.write_all(text.as_bytes()))?;
@@ -283,7 +286,17 @@ impl Writer<'_> {
     }
 }
 
-fn sensor(c: &Camera) -> String {
+fn sensor(c: &Camera) -> Result<String, ExportError> {
+    if c.lens().is_some() && c.shift() != Vec2::ZERO {
+        return Err(no_counterpart("the camera".into(), "a lens whose film is shifted"));
+    }
+    // Mitsuba counts in widths and heights of the film, to the right and down.
+    let size = c.size().as_vec2();
+    let [x, y] = (c.shift() * Vec2::new(1.0, -1.0) * size.max_element() / size).to_array();
+    let shift = match c.shift() {
+        Vec2::ZERO => String::new(),
+        _ => float("principal_point_offset_x", x) + &float("principal_point_offset_y", y),
+    };
     let (kind, lens) = match c.lens() {
         None => ("perspective", String::new()),
         Some(lens) => {
@@ -301,6 +314,7 @@ fn sensor(c: &Camera) -> String {
     ];
     let body = [
         lens,
+        shift,
         string("fov_axis", "y"),
         float("fov", c.vfov()),
         property("float", "near_clip", "1e-4"),
@@ -309,5 +323,5 @@ fn sensor(c: &Camera) -> String {
         element("sampler", "multijitter", &integer("sample_count", "$spp")),
         element("film", "hdrfilm", &film.concat()),
     ];
-    element("sensor", kind, &body.concat())
+    Ok(element("sensor", kind, &body.concat()))
 }

@@ -156,6 +156,7 @@ mod tests {
             indices: vec![[0, 1, 2], [0, 2, 4], [0, 1, 3]],
             materials: vec![0, 0, 1],
             objects: vec![0; 3],
+            ..Mesh::default()
         };
         let part = Part::of_material(&mesh, 0);
         assert_eq!(part.triangles, [[0, 1, 2], [0, 2, 3]]);

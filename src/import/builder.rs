@@ -11,6 +11,8 @@ mod source;
 
 use std::{io::ErrorKind, path::Path};
 
+use glam::Vec3;
+
 use self::source::Source;
 use super::{
     error::ImportError,
@@ -18,13 +20,14 @@ use super::{
     gltf,
     imported::Imported,
     obj,
-    sidecar::{DEFAULT_CREASE, SCHEMA, Selection, Sidecar},
+    sidecar::{CameraName, DEFAULT_CREASE, SCHEMA, Selection, Sidecar},
     stage::{self, StageOptions, Staging},
 };
 use crate::{
     files::reach::{MAX_TEXT_BYTES, Reach, ReachError},
     lighting::MAX_EXPOSURE,
-    scene::Scene,
+    math::Bounds,
+    scene::{Mesh, Scene},
     variables::Constraints,
 };
 
@@ -33,6 +36,8 @@ use crate::{
 pub struct LoadOptions {
     /// Whether files outside the scene's folder and the `textures` beside it are refused.
     pub confine: bool,
+    /// The camera of the scene file that is taken, whatever the sidecar says; `None` for the sidecar's.
+    pub camera: Option<CameraName>,
 }
 
 impl LoadOptions {
@@ -77,7 +82,8 @@ pub fn load(path: &Path) -> Result<Loaded, ImportError> {
 /// As [`load`], with options.
 ///
 /// # Errors
-/// Those of [`load`], and when a file that the scene names is refused.
+/// Those of [`load`], when a file that the scene names is refused, and when an option names what the file
+/// does not have.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded, ImportError> {
     let scene_path = find(path)?;
     let sidecar_path = scene_path.with_extension("toml");
@@ -88,9 +94,11 @@ pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded, ImportErr
         Some(text) => {
             let sidecar = Sidecar::parse(&sidecar_path, &text)?;
             source.check_required(&sidecar)?;
-            source.build(&sidecar, source.import(sidecar.crease_angle)?)?
+            let mut imported = source.import(sidecar.crease_angle)?;
+            source.choose_camera(options, Some(&sidecar), &mut imported)?;
+            source.build(options, &sidecar, imported)?
         }
-        None => source.build_without_sidecar()?,
+        None => source.build_without_sidecar(options)?,
     };
     if scene_path != path {
         loaded.warnings.insert(0, format!("using {}", scene_path.display()));
@@ -120,11 +128,21 @@ pub fn stage(path: &Path, options: &StageOptions) -> Result<Staging, ImportError
 /// As [`stage()`], with options of loading.
 ///
 /// # Errors
-/// Those of [`stage()`], and when a file that the scene names is refused.
+/// Those of [`stage()`], when a file that the scene names is refused, and when an option names what the
+/// file does not have.
 pub fn stage_with(path: &Path, options: &StageOptions, load: &LoadOptions) -> Result<Staging, ImportError> {
     let source = Source::new(path, path, load.reach(path)?);
-    let imported = source.import(DEFAULT_CREASE)?;
-    source.stage(&imported, options)
+    let mut imported = source.import(DEFAULT_CREASE)?;
+    source.choose_camera(load, None, &mut imported)?;
+    let mut staging = source.stage(&imported, options)?;
+    if let Some(name) = &load.camera {
+        let name = match name {
+            CameraName::Number(n) => n.to_string(),
+            CameraName::Name(name) => format!("{name:?}"),
+        };
+        staging.text += &format!("\n[camera]\nname = {name}\n");
+    }
+    Ok(staging)
 }
 
 impl Source<'_> {
@@ -141,14 +159,15 @@ impl Source<'_> {
         }
     }
 
-    fn build_without_sidecar(&self) -> Result<Loaded, ImportError> {
-        let imported = self.import(DEFAULT_CREASE)?;
+    fn build_without_sidecar(&self, options: &LoadOptions) -> Result<Loaded, ImportError> {
+        let mut imported = self.import(DEFAULT_CREASE)?;
+        self.choose_camera(options, None, &mut imported)?;
         if stage::is_complete(&imported) {
             let empty = format!("schema = {SCHEMA}");
-            return self.build(&Sidecar::parse(self.sidecar_path, &empty)?, imported);
+            return self.build(options, &Sidecar::parse(self.sidecar_path, &empty)?, imported);
         }
         let Staging { text, summary } = self.stage(&imported, &StageOptions::default())?;
-        let mut loaded = self.build(&Sidecar::parse(self.sidecar_path, &text)?, imported)?;
+        let mut loaded = self.build(options, &Sidecar::parse(self.sidecar_path, &text)?, imported)?;
         let (file, sidecar) = (self.scene_path.display(), self.sidecar_path.display());
         loaded.warnings.push(format!("{file}: {summary}; `stage` writes this as {sidecar} to edit"));
         Ok(Loaded { staging: Some(text), ..loaded })
@@ -174,15 +193,25 @@ impl Source<'_> {
         }
     }
 
-    fn build(&self, sidecar: &Sidecar, mut imported: Imported) -> Result<Loaded, ImportError> {
+    fn build(
+        &self,
+        options: &LoadOptions,
+        sidecar: &Sidecar,
+        mut imported: Imported,
+    ) -> Result<Loaded, ImportError> {
         self.place(sidecar, &mut imported)?;
-        Self { origin: imported.origin, ..self.clone() }.build_placed(sidecar, imported)
+        Self { origin: imported.origin, ..self.clone() }.build_placed(options, sidecar, imported)
     }
 
     /// Builds the scene of a scene file in metres, y up.
-    fn build_placed(&self, sidecar: &Sidecar, mut imported: Imported) -> Result<Loaded, ImportError> {
-        let camera = self.camera(sidecar, imported.camera)?;
+    fn build_placed(
+        &self,
+        options: &LoadOptions,
+        sidecar: &Sidecar,
+        mut imported: Imported,
+    ) -> Result<Loaded, ImportError> {
         let mut is_main = self.main_object(sidecar, &mut imported)?;
+        let camera = self.camera(options, sidecar, imported.camera, || middle(&imported.mesh, &is_main))?;
         if let Some(spec) = &sidecar.backdrop {
             self.add_backdrop(spec, &mut imported)?;
             is_main.resize(imported.mesh.indices.len(), false);
@@ -229,4 +258,10 @@ impl Source<'_> {
             range => Ok(range),
         }
     }
+}
+
+/// Middle of the box about the main object, metres.
+fn middle(mesh: &Mesh, is_main: &[bool]) -> Vec3 {
+    let main = (0..mesh.indices.len()).filter(|&t| is_main[t]);
+    Bounds::of(main.flat_map(|t| mesh.corners(t))).center()
 }

@@ -1,8 +1,11 @@
 //! Content of a scene file, common to all formats.
 
+use std::collections::HashMap;
+
 use glam::{DVec3, Vec3};
 
 use crate::{
+    light::Cone,
     math::Rgb,
     scene::{Mesh, material::MaterialParams},
 };
@@ -27,7 +30,9 @@ pub struct Imported {
     pub materials: Vec<(String, MaterialParams)>,
     /// What was left out or replaced while reading, one line each.
     pub warnings: Vec<String>,
-    /// First perspective camera; `None` in a format without cameras.
+    /// Names and perspective cameras; empty in a format without cameras.
+    pub cameras: Vec<(String, ImportedCamera)>,
+    /// The camera that is used, the first unless another is chosen; `None` where there is none.
     pub camera: Option<ImportedCamera>,
     /// Punctual lights with unique names; empty in a format without lights.
     pub lights: Vec<ImportedLight>,
@@ -89,15 +94,34 @@ pub struct ImportedLight {
 pub enum Punctual {
     /// Isotropic point light.
     Point,
-    /// Point light with a cone in which the intensity falls off smoothly from `inner` to `outer`.
-    Spot {
-        /// Half-angle within which the intensity is full, radians.
-        inner: f32,
-        /// Half-angle beyond which the intensity is 0, radians.
-        outer: f32,
-    },
+    /// Point light that emits into a cone.
+    Spot(Cone),
     /// Parallel light from infinity.
     Directional,
+}
+
+/// Names in use.
+#[derive(Debug, Default)]
+pub struct UniqueNames(HashMap<String, u32>);
+
+impl UniqueNames {
+    /// `name`, or with `_2` and so on behind it when it is in use; it is from now on.
+    pub fn take(&mut self, name: String) -> String {
+        let Some(&(mut n)) = self.0.get(&name) else {
+            self.0.insert(name.clone(), 2);
+            return name;
+        };
+        loop {
+            let numbered = format!("{name}_{n}");
+            n += 1;
+            if !self.0.contains_key(&numbered) {
+                // The numbers below are taken: names that are all alike would else be counted anew.
+                self.0.insert(name, n);
+                self.0.insert(numbered.clone(), 2);
+                return numbered;
+            }
+        }
+    }
 }
 
 /// `name` cut to the length of a derived light name, with `_` for what is not printable ASCII: names

@@ -15,8 +15,10 @@ pub mod mtl;
 pub mod mtl_params;
 pub mod obj;
 pub mod origin;
+pub mod sheets;
 pub mod sidecar;
 pub mod stage;
+pub mod warnings;
 pub mod wavefront;
 
 pub use builder::{LoadOptions, Loaded, load, load_with};

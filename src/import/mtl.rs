@@ -13,9 +13,10 @@ use glam::{Affine2, Vec2};
 
 use super::{
     error::LineError,
-    wavefront::{logical_lines, numbers, split_keyword},
+    warnings::Warnings,
+    wavefront::{logical_lines, numbers, physical_lines, split_keyword},
 };
-use crate::scene::texture::Channel;
+use crate::scene::texture::{Channel, Wrap};
 
 /// Program that wrote a file, which decides what its numbers mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,6 +64,8 @@ pub struct MapSpec {
     pub file: String,
     /// Transformation from the surface's texture coordinates to the image's (`-s`, `-o`).
     pub transform: Affine2,
+    /// What lies beyond the edges of the image (`-clamp`).
+    pub wrap: Wrap,
     /// Factor on the slopes of a relief (`-bm`).
     pub multiplier: Option<f32>,
     /// Channel that a scalar is read from (`-imfchan`).
@@ -118,7 +121,8 @@ const NUMERIC: [&str; 11] = ["kd", "ks", "ke", "ka", "tf", "ns", "ni", "d", "tr"
 pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<String>), LineError> {
     let origin = origin(text);
     let mut out: Vec<MtlMaterial> = Vec::new();
-    let mut warnings: Vec<String> = Vec::new();
+    let mut warnings = Warnings::default();
+    let mut empty = Empty::default();
     for (line, content) in logical_lines(text) {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
@@ -136,19 +140,21 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             let statement = if is_known { format!("`{keyword}`") } else { "a statement".into() };
             return Err(LineError { line, message: format!("{statement}: stands before any `newmtl`") });
         };
-        let mut warn = |message: String| {
-            let message = format!("material `{}`: {message}", m.name);
-            if !warnings.contains(&message) {
-                warnings.push(message);
-            }
-        };
+        if rest.is_empty() || rest.starts_with('#') {
+            empty.count(line);
+            continue;
+        }
+        let mut warn = |message: String| warnings.about("material", &m.name, message);
         match key.as_str() {
             "kd" => m.kd = Some(color(rest).map_err(fail)?),
             "ks" => m.ks = Some(color(rest).map_err(fail)?),
             "ke" => m.ke = Some(color(rest).map_err(fail)?),
-            // May also be a spectrum, and rarely matter.
+            // May also be a spectrum, and rarely matters.
             "ka" => m.ka = color(rest).ok(),
-            "tf" => m.tf = color(rest).ok(),
+            "tf" => match color(rest) {
+                Ok(filter) => m.tf = Some(filter),
+                Err(_) => warn(format!("`{keyword}` is ignored: it must be 1 or 3 numbers")),
+            },
             "ns" => m.ns = Some(number(rest).map_err(fail)?),
             "ni" => m.ni = Some(number(rest).map_err(fail)?),
             "d" => m.d = Some(number(rest.trim_start_matches("-halo")).map_err(fail)?),
@@ -171,22 +177,52 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             _ => match map_kind(&key, origin) {
                 Some(kind) => {
                     let map = map(keyword, rest, &mut warn);
-                    if map.file.is_empty() {
-                        return Err(fail("needs a file".into()));
+                    if map.file.is_empty() || map.file.starts_with('#') {
+                        empty.count(line);
+                    } else {
+                        m.maps.insert(kind, map);
                     }
-                    m.maps.insert(kind, map);
                 }
                 None if is_ignored_map(&key) => warn(format!("`{keyword}` is ignored")),
                 None => {}
             },
         }
     }
-    Ok((out, warnings))
+    empty.report(&mut warnings);
+    Ok((out, warnings.into_lines()))
+}
+
+/// Entries without a value, as some exporters write for every parameter that a material does not have.
+#[derive(Default)]
+struct Empty {
+    /// Line of the first.
+    first: Option<usize>,
+    n: usize,
+}
+
+impl Empty {
+    fn count(&mut self, line: usize) {
+        self.first.get_or_insert(line);
+        self.n += 1;
+    }
+
+    fn report(self, warnings: &mut Warnings) {
+        match self {
+            Self { first: None, .. } => {}
+            Self { first: Some(line), n: 1 } => {
+                warnings.add(format!("line {line} has no value and is passed over"));
+            }
+            Self { first: Some(line), n } => {
+                let message = format!("line {line} and {} more have no value and are passed over", n - 1);
+                warnings.add(message);
+            }
+        }
+    }
 }
 
 /// The program that wrote the file, by its first line.
 fn origin(text: &str) -> Origin {
-    let first = text.trim_start_matches('\u{feff}').lines().next().unwrap_or_default();
+    let first = physical_lines(text).next().unwrap_or_default();
     match first.trim().strip_prefix("# Blender ") {
         None => Origin::Other,
         Some(rest) if rest.starts_with("MTL File") => Origin::OldBlender,
@@ -243,7 +279,7 @@ fn is_ignored_map(key: &str) -> bool {
 /// Parses options and file of a map; `warn` is told of ignored options.
 fn map(keyword: &str, rest: &str, warn: &mut impl FnMut(String)) -> MapSpec {
     let (mut scale, mut offset) = (Vec2::ONE, Vec2::ZERO);
-    let (mut multiplier, mut channel) = (None, None);
+    let (mut multiplier, mut channel, mut wrap) = (None, None, Wrap::Repeat);
     let mut file = rest;
     while let Some(option) = file.split_whitespace().next().filter(|w| w.starts_with('-')) {
         let (least, most) = match option {
@@ -273,12 +309,14 @@ fn map(keyword: &str, rest: &str, warn: &mut impl FnMut(String)) -> MapSpec {
             ("-imfchan", _, Some("g" | "l")) => channel = Some(Channel::G),
             ("-imfchan", _, Some("b")) => channel = Some(Channel::B),
             ("-imfchan", _, Some("m")) => channel = Some(Channel::A),
-            ("-clamp" | "-cc", _, Some("off")) | ("-blendu" | "-blendv", _, _) => {}
+            ("-clamp", _, Some("on")) => wrap = Wrap::Clamp,
+            ("-clamp", _, Some("off")) => wrap = Wrap::Repeat,
+            ("-cc", _, Some("off")) | ("-blendu" | "-blendv", _, _) => {}
             _ => warn(format!("option `{option} {}` of `{keyword}` is ignored", words.join(" "))),
         }
     }
     let transform = Affine2::from_scale_angle_translation(scale, 0.0, offset);
-    MapSpec { keyword: keyword.into(), file: file.into(), transform, multiplier, channel }
+    MapSpec { keyword: keyword.into(), file: file.into(), transform, wrap, multiplier, channel }
 }
 
 #[cfg(test)]
@@ -298,7 +336,10 @@ mod tests {
         assert_eq!(parse("-odd.png"), plain("-odd.png"));
         assert_eq!(parse("-clamp off -s 1 1 1 a.png"), plain("a.png"));
         assert_eq!(parse("-s 2 3 -clamp on a.png").1, Vec2::new(2.0, 3.0));
-        assert_eq!(parse("-s 2 3 -clamp on a.png").5, 1);
+        assert_eq!(parse("-s 2 3 -clamp on a.png").5, 0);
+        assert_eq!(parse("-s 2 3 -clamp maybe a.png").5, 1);
+        let wrap = |rest: &str| map("map_Kd", rest, &mut |_| {}).wrap;
+        assert_eq!((wrap("-clamp on a.png"), wrap("-clamp off a.png")), (Wrap::Clamp, Wrap::Repeat));
         let m = parse("-o 0.5 1 1 -bm 2 -imfchan m 7 of 9.png");
         assert_eq!(m, ("7 of 9.png".into(), Vec2::ONE, Vec2::new(0.5, 1.0), Some(2.0), Some(Channel::A), 0));
     }

@@ -12,6 +12,8 @@ use glam::Affine2;
 use super::{
     error::ImportError,
     mtl::{MapKind, MapSpec, MtlMaterial, Origin},
+    warnings::Warnings,
+    wavefront::name_before_comment,
 };
 use crate::{
     files::reach::{MAX_PICTURE_BYTES, Reach, ReachError},
@@ -31,6 +33,8 @@ const DEFAULT_ALBEDO: f32 = 0.8;
 /// Height of white over black of a bump map with `-bm` 1, in widths of the image.
 /// MTL names no unit; in an image 1000 texels wide an edge of ten texels rises by 45 degrees.
 const BUMP_HEIGHT: f32 = 0.01;
+/// Colour below which glass is warned to lose it: clear glass is exported as 1 or a little less.
+const CLEAR: f32 = 0.9;
 /// Texels that tell normals from heights, at most: the standard error of a mean of values in [0, 1] is
 /// then below 0.004, a fortieth of the tolerances.
 const MAX_SAMPLES: usize = 1 << 14;
@@ -52,19 +56,21 @@ pub fn grey() -> MaterialParams {
 pub struct Reader {
     images: BTreeMap<(PathBuf, Encoding), Arc<Texture>>,
     loader: TextureLoader,
+    /// What the images occupy, bytes.
+    n_bytes: u64,
     /// The OBJ, for messages.
     scene: PathBuf,
     reach: Reach,
-    /// What was left out or replaced, one line each.
-    pub warnings: Vec<String>,
+    /// What was left out or replaced.
+    pub warnings: Warnings,
 }
 
 impl Reader {
     /// A reader of images within `reach` for the OBJ `scene` that appends to `warnings`.
     #[must_use]
-    pub fn new(scene: &Path, reach: Reach, warnings: Vec<String>) -> Self {
+    pub fn new(scene: &Path, reach: Reach, warnings: Warnings) -> Self {
         let (images, loader) = (BTreeMap::new(), TextureLoader::default());
-        Self { images, loader, scene: scene.into(), reach, warnings }
+        Self { images, loader, n_bytes: 0, scene: scene.into(), reach, warnings }
     }
 
     /// Names and parameters of all materials. The largest images are halved until all occupy no more
@@ -76,16 +82,19 @@ impl Reader {
         let mut out: Vec<(String, MaterialParams)> = Vec::new();
         for m in library {
             out.push((m.name.clone(), self.params(m)?));
-            // After each, so that no more than one material's images come on top.
-            let in_use = out.iter_mut().flat_map(|(_, p)| p.textures_mut());
-            let mut textures: Vec<&mut Arc<Texture>> = in_use.chain(self.images.values_mut()).collect();
-            self.warnings.extend(texture::fit(&mut textures, TEXTURE_BUDGET));
+            // At once, so that no more than one material's images come on top.
+            if self.n_bytes > TEXTURE_BUDGET {
+                let in_use = out.iter_mut().flat_map(|(_, p)| p.textures_mut());
+                let mut textures: Vec<&mut Arc<Texture>> = in_use.chain(self.images.values_mut()).collect();
+                texture::fit(&mut textures, TEXTURE_BUDGET).into_iter().for_each(|w| self.warnings.add(w));
+                self.n_bytes = self.images.values().map(|image| image.n_bytes()).sum();
+            }
         }
         Ok(out)
     }
 
     fn warn(&mut self, m: &MtlMaterial, message: impl std::fmt::Display) {
-        self.warnings.push(format!("material `{}`: {message}", m.name));
+        self.warnings.about("material", &m.name, message.to_string());
     }
 
     fn params(&mut self, m: &MtlMaterial) -> Result<MaterialParams, ImportError> {
@@ -117,6 +126,7 @@ impl Reader {
             Origin::Other => self.plain(m, common)?,
             Origin::Blender | Origin::OldBlender => self.blender(m, common)?,
         };
+        self.report_refraction(m, &params);
         if params.model.transmits() {
             return Ok(params);
         }
@@ -128,6 +138,18 @@ impl Reader {
             self.warn(m, format_args!("is invisible, says its `{key}`"));
         }
         Ok(MaterialParams { opacity, opacity_map, ..params })
+    }
+
+    /// Warns of an index of refraction that is not followed. 1 is what programs write for a surface without:
+    /// only glass could have it.
+    fn report_refraction(&mut self, m: &MtlMaterial, params: &MaterialParams) {
+        let is_glass = params.model.transmits();
+        let is_coated = params.model == Model::Plastic;
+        // What Blender does not know it writes as −1.
+        let known = m.ni.filter(|&n| n >= 0.0 || m.origin == Origin::Other);
+        if let Some(ni) = known.filter(|&n| is_glass && n <= 1.0 || is_coated && n < 1.0) {
+            self.warn(m, format_args!("`Ni` {ni} is not above 1: {DEFAULT_IOR} is taken"));
+        }
     }
 
     /// A material of any program but Blender.
@@ -232,16 +254,17 @@ impl Reader {
             key: format!("{}: {}", m.name, map.keyword),
             source,
         };
-        let Some(path) = find(&m.directory, &map.file, &self.reach).map_err(refused)? else {
+        let mut found = find(&m.directory, &map.file, &self.reach).map_err(refused)?;
+        if let (None, Some(file)) = (&found, name_before_comment(&map.file)) {
+            found = find(&m.directory, file, &self.reach).map_err(refused)?;
+        }
+        let Some(path) = found else {
             let message = format!(
                 "`{}`: no file `{}`; the map is left out",
                 map.keyword,
                 m.directory.join(map.file.replace('\\', "/")).display()
             );
-            let message = format!("material `{}`: {message}", m.name);
-            if !self.warnings.contains(&message) {
-                self.warnings.push(message);
-            }
+            self.warn(m, message);
             return Ok(None);
         };
         self.reach.check(&path, MAX_PICTURE_BYTES).map_err(refused)?;
@@ -251,15 +274,16 @@ impl Reader {
             None => {
                 let role = format!("`{}` of material `{}`", map.keyword, m.name);
                 let image = Arc::new(self.loader.load(&key.0, encoding, &role)?);
-                self.warnings.append(&mut self.loader.notes);
+                self.loader.notes.drain(..).for_each(|note| self.warnings.add(note));
+                self.n_bytes += image.n_bytes();
                 self.images.insert(key, image.clone());
                 image
             }
         };
-        if map.transform == Affine2::IDENTITY {
+        if map.transform == Affine2::IDENTITY && map.wrap == image.wrap()[0] {
             return Ok(Some(image));
         }
-        Ok(Some(Arc::new(image.transformed(map.transform))))
+        Ok(Some(Arc::new(image.transformed(map.transform).wrapped([map.wrap; 2]))))
     }
 
     /// The map of a scalar: the channel that it names, else green.
@@ -273,7 +297,8 @@ impl Reader {
         let Some(map) = m.maps.get(&MapKind::D) else { return Ok(None) };
         let varies = |t: &Texture| t.range()[0].w < t.range()[1].w;
         // Alpha is the same in an image that is already there as a colour.
-        let is_color = |kd: &MapSpec| kd.file == map.file && kd.transform == map.transform;
+        let is_color =
+            |kd: &MapSpec| kd.file == map.file && kd.transform == map.transform && kd.wrap == map.wrap;
         if map.channel.is_none()
             && m.maps.get(&MapKind::Kd).is_some_and(is_color)
             && let Some(texture) = self.image(m, MapKind::Kd, Encoding::Srgb)?
@@ -305,6 +330,29 @@ impl Reader {
         }
         Ok(None)
     }
+}
+
+/// Gives a sheet of glass the colour of what it lets pass: the filter `Tf`; in Blender's files, where that is
+/// a share, the base colour.
+pub fn tint_sheet(m: &MtlMaterial, params: &mut MaterialParams) {
+    if m.origin == Origin::Other {
+        params.base_color = m.tf.map_or(Rgb::ONE, Rgb::from_array).clamp(Rgb::ZERO, Rgb::ONE);
+        params.texture = None;
+    }
+}
+
+/// What is to be said of the colour that a body of glass loses; `None` where it loses none.
+pub fn lost_color(m: &MtlMaterial, params: &MaterialParams) -> Option<String> {
+    let is_clear = |c: Rgb| c.min_element() >= CLEAR;
+    if params.model != Model::Dielectric {
+        return None;
+    }
+    if m.origin != Origin::Other {
+        let is_lost = !is_clear(params.base_color) || params.texture.is_some();
+        return is_lost.then(|| "the colour of its glass is ignored".into());
+    }
+    let [r, g, b] = m.tf.filter(|&tf| !is_clear(Rgb::from_array(tf)))?;
+    Some(format!("the colour of its glass, `Tf` {r} {g} {b}, is ignored"))
 }
 
 /// The parameters with the pure model of a metal, if the surface is metal everywhere.

@@ -3,7 +3,10 @@
 //! What every key of an MTL means is listed in `docs/formats.md`; [`mtl`] reads it line by line and
 //! [`mtl_params`] gives it that meaning.
 
-use std::{collections::HashMap, path::Path};
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+};
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -13,14 +16,19 @@ use super::{
     mtl::{self, MtlMaterial},
     mtl_params::{self, grey},
     origin::Spread,
-    wavefront::{self, NormalizedObj},
+    sheets,
+    warnings::Warnings,
+    wavefront::{self, NormalizedObj, name_before_comment},
 };
 use crate::{
     files::{
         reach::{MAX_SCENE_BYTES, MAX_TEXT_BYTES, Reach, ReachError},
         text::decode,
     },
-    scene::mesh::{Mesh, is_proper, smooth_normals},
+    scene::{
+        material::MaterialParams,
+        mesh::{Mesh, is_proper, smooth_normals},
+    },
 };
 
 /// Name of the material of faces without one.
@@ -45,16 +53,10 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
 pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, ImportError> {
     let bytes = reach.read(path, MAX_SCENE_BYTES).map_err(ImportError::reading)?;
     let plain = wavefront::normalize(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
-    let mut warnings = Vec::new();
-    for (line, keyword) in &plain.unsupported {
-        warnings.push(format!("{}:{line}: `{keyword}` is not supported and left out", path.display()));
-    }
-    for (line, what) in &plain.absent {
-        let file = path.display();
-        warnings.push(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
-    }
-    let library = material_library(path, &plain, reach, &mut warnings)?;
-    let names = || library.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
+    let mut warnings = Warnings::default();
+    report(path, &plain, &mut warnings);
+    let (library, ids) = material_library(path, &plain, reach, &mut warnings)?;
+    let names = || ids.iter().enumerate().map(|(i, &m)| (i.to_string(), m)).collect();
     // `tobj` need only know the names.
     let named = |m: &MtlMaterial| tobj::Material { name: m.name.clone(), ..Default::default() };
     let all = || library.iter().map(named).collect::<Vec<_>>();
@@ -83,8 +85,8 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
     }
     match dropped {
         0 => {}
-        1 => warnings.push(format!("{}: left out 1 degenerate triangle", path.display())),
-        n => warnings.push(format!("{}: left out {n} degenerate triangles", path.display())),
+        1 => warnings.add(format!("{}: left out 1 degenerate triangle", path.display())),
+        n => warnings.add(format!("{}: left out {n} degenerate triangles", path.display())),
     }
     if raw.materials.contains(&default_material) {
         materials.push((NO_NAME.into(), grey()));
@@ -92,21 +94,98 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
     if raw.indices.is_empty() {
         return Err(ImportError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
     }
-    let mesh = with_normals(&raw, &plain.parts, crease);
+    let mut mesh = with_normals(&raw, &plain.parts, crease);
+    let tinted = |m: usize, p: &mut MaterialParams| mtl_params::tint_sheet(&library[m], p);
+    sheets::make_thin(&mut mesh, &mut materials, |m| m < library.len(), tinted, &mut warnings);
+    for (m, (name, params)) in library.iter().zip(&materials) {
+        if let Some(lost) = mtl_params::lost_color(m, params) {
+            warnings.about("material", name, lost);
+        }
+    }
+    let warnings = warnings.into_lines();
     Ok(Imported { mesh, origin, parts: plain.parts, materials, warnings, ..Imported::default() })
 }
 
-/// Reads all material libraries, and adds a grey material for every name that none defines.
+/// Warns of what the text of an OBJ has that is left out.
+fn report(path: &Path, plain: &NormalizedObj, warnings: &mut Warnings) {
+    let file = path.display();
+    for (line, keyword) in &plain.unsupported {
+        warnings.add(format!("{file}:{line}: `{keyword}` is not supported and left out"));
+    }
+    for (line, what) in &plain.absent {
+        warnings.add(format!("{file}:{line}: faces name {what}s, of which the file has none: left out"));
+    }
+    if let Some(line) = plain.colored {
+        warnings.add(format!("{file}:{line}: vertex colours are ignored"));
+    }
+}
+
+/// Materials by name, the last definition of a name.
+#[derive(Default)]
+struct Library {
+    materials: Vec<MtlMaterial>,
+    ids: HashMap<String, usize>,
+}
+
+impl Library {
+    /// The library of definitions in their order.
+    fn new(definitions: Vec<MtlMaterial>) -> Self {
+        let last: HashMap<String, usize> =
+            definitions.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect();
+        let mut library = Self::default();
+        for (i, m) in definitions.into_iter().enumerate() {
+            if last[&m.name] == i {
+                library.put(m);
+            }
+        }
+        library
+    }
+
+    /// Adds a material of a new name; returns its index.
+    fn put(&mut self, m: MtlMaterial) -> usize {
+        let id = self.materials.len();
+        self.ids.insert(m.name.clone(), id);
+        self.materials.push(m);
+        id
+    }
+
+    /// Names without the comments behind them, where no `usemtl` has such a comment in its name and no
+    /// material the name alone.
+    fn cut_comments(&mut self, used: &[(usize, String)]) {
+        let used: HashSet<&str> = used.iter().map(|(_, name)| name.as_str()).collect();
+        for (id, m) in self.materials.iter_mut().enumerate() {
+            let Some(name) = name_before_comment(&m.name).filter(|_| !used.contains(m.name.as_str())) else {
+                continue;
+            };
+            if !self.ids.contains_key(name) {
+                self.ids.remove(&m.name);
+                m.name = name.to_owned();
+                self.ids.insert(m.name.clone(), id);
+            }
+        }
+    }
+
+    /// The material that a `usemtl` names, a comment behind its name left out if need be.
+    fn find(&self, name: &str) -> Option<usize> {
+        let cut = || name_before_comment(name).and_then(|name| self.ids.get(name));
+        self.ids.get(name).or_else(cut).copied()
+    }
+}
+
+/// Reads all material libraries, and adds a grey material for every name that none defines. Returns the
+/// materials, and the index of the one that each of [`NormalizedObj::materials`] is.
 fn material_library(
     path: &Path,
     plain: &NormalizedObj,
     reach: &Reach,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<MtlMaterial>, ImportError> {
+    warnings: &mut Warnings,
+) -> Result<(Vec<MtlMaterial>, Vec<usize>), ImportError> {
     let dir = path.parent().unwrap_or(Path::new(""));
-    let mut library: Vec<MtlMaterial> = Vec::new();
+    let mut definitions: Vec<MtlMaterial> = Vec::new();
     let mut is_missing = false;
     for (line, names) in &plain.libraries {
+        let is_file = |name: &str| dir.join(name.trim_matches('"').replace('\\', "/")).is_file();
+        let names = name_before_comment(names).filter(|_| !is_file(names)).unwrap_or(names);
         // One name with spaces, or several names.
         let whole = names.trim_matches('"').replace('\\', "/");
         let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
@@ -120,7 +199,7 @@ fn material_library(
                 Err(ReachError::Io { source, .. }) => {
                     is_missing = true;
                     let (obj, mtl) = (path.display(), file.display());
-                    warnings.push(format!("{obj}:{line}: material library {mtl}: {source}; using grey"));
+                    warnings.add(format!("{obj}:{line}: material library {mtl}: {source}; using grey"));
                     continue;
                 }
                 Err(source) => {
@@ -130,24 +209,26 @@ fn material_library(
             let directory = file.parent().unwrap_or(Path::new(""));
             let (materials, notes) =
                 mtl::parse(&decode(&bytes), directory).map_err(|e| ImportError::at(&file, e))?;
-            warnings.extend(notes.into_iter().map(|n| format!("{}: {n}", file.display())));
-            for m in materials {
-                // The last definition of a name counts.
-                library.retain(|known| known.name != m.name);
-                library.push(m);
-            }
+            notes.into_iter().for_each(|n| warnings.add(format!("{}: {n}", file.display())));
+            definitions.extend(materials);
         }
     }
-    for (line, name) in &plain.materials {
-        if !library.iter().any(|m| m.name == *name) {
-            if !is_missing {
-                let obj = path.display();
-                warnings.push(format!("{obj}:{line}: no library defines material `{name}`; using grey"));
-            }
-            library.push(MtlMaterial { name: name.clone(), ..Default::default() });
-        }
+    let mut library = Library::new(definitions);
+    library.cut_comments(&plain.materials);
+    let mut undefined: Vec<&(usize, String)> = Vec::new();
+    let mut ids = Vec::with_capacity(plain.materials.len());
+    for used in &plain.materials {
+        ids.push(library.find(&used.1).unwrap_or_else(|| {
+            undefined.push(used);
+            library.put(MtlMaterial { name: used.1.clone(), ..Default::default() })
+        }));
     }
-    Ok(library)
+    if let (Some((line, first)), false) = (undefined.first(), is_missing) {
+        let (obj, more) = (path.display(), undefined.len() - 1);
+        let others = if more == 0 { String::new() } else { format!(" nor {more} more") };
+        warnings.add(format!("{obj}:{line}: no library defines material `{first}`{others}; using grey"));
+    }
+    Ok((library.materials, ids))
 }
 
 /// Appends the triangles of a model relative to `origin`, with zero for absent normals; returns how many

@@ -54,26 +54,39 @@ pub struct Sidecar {
     pub materials: BTreeMap<String, MaterialSpec>,
 }
 
-/// `[camera]`: a perspective camera.
-#[derive(Clone, Debug, Deserialize)]
+/// `[camera]`: a perspective camera. What is not given is that of the scene file's camera.
+#[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSpec {
+    /// Name, or number from 1, of the scene file's camera; the first by default.
+    pub name: Option<CameraName>,
     /// Position of the pinhole or of the lens's centre, metres.
-    pub position: [f64; 3],
+    pub position: Option<[f64; 3]>,
     /// Point at the centre of the picture, metres.
-    pub look_at: [f64; 3],
-    /// Up vector; +y by default.
-    #[serde(default = "up")]
-    pub up: [f32; 3],
+    pub look_at: Option<[f64; 3]>,
+    /// Up vector; +y by default where `look_at` is given.
+    pub up: Option<[f32; 3]>,
     /// Vertical field of view, degrees.
-    pub vfov: f32,
-    /// Width and height of the film, pixels; [`DEFAULT_FILM`] by default.
-    #[serde(default = "default_film")]
-    pub size: [u32; 2],
+    pub vfov: Option<f32>,
+    /// Width and height of the film, pixels; [`DEFAULT_FILM`] by default without a camera in the file.
+    pub size: Option<[u32; 2]>,
+    /// Shift of the film to the right and up, in lengths of its longer side; 0 by default.
+    pub shift: Option<[f32; 2]>,
     /// Radius of the lens's aperture, metres; a pinhole by default.
     pub aperture_radius: Option<f32>,
-    /// Distance of the plane in focus along the optical axis, metres; that of `look_at` by default.
+    /// Distance of the plane in focus along the optical axis, metres; that of `look_at` by default, else
+    /// that of the main object's middle.
     pub focus_distance: Option<f32>,
+}
+
+/// A camera of a scene file, as a user names it.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+pub enum CameraName {
+    /// Its number, from 1.
+    Number(usize),
+    /// Its name.
+    Name(String),
 }
 
 /// Triangles selected by object, material or place; any one of these selects.
@@ -164,15 +177,16 @@ impl LightType {
     }
 }
 
-/// `[[lights]]`: a light; which keys it takes depends on its type.
+/// `[[lights]]`: a light; which keys it takes depends on its type. What is not given is that of the scene
+/// file's light of this name, if there is one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightSpec {
     /// Unique name of 1 to 200 printable ASCII characters.
     pub name: String,
-    /// Type of the light, `type` in the file.
+    /// Type of the light, `type` in the file; by default what the scene file's light of this name is.
     #[serde(rename = "type")]
-    pub kind: LightType,
+    pub kind: Option<LightType>,
     /// Centre, metres.
     pub position: Option<[f64; 3]>,
     /// A point on the emitting side, in front of the centre, metres.
@@ -241,12 +255,6 @@ fn one() -> f32 {
 }
 fn yes() -> bool {
     true
-}
-fn up() -> [f32; 3] {
-    [0.0, 1.0, 0.0]
-}
-fn default_film() -> [u32; 2] {
-    DEFAULT_FILM
 }
 fn default_crease() -> f32 {
     DEFAULT_CREASE

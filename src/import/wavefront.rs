@@ -21,6 +21,10 @@ const MAX_CONCAVE: usize = 1000;
 /// Bend of a polygon's edge below which it counts as straight, in twice the polygon's area: rounding
 /// of f32 coordinates bends by some 10⁻⁷.
 const FLATNESS: f32 = 1e-6;
+/// Vertex colours from here on count as white: half a step of 8 bits is 0.002.
+const WHITE: f32 = 0.999;
+/// Beginning of the comments in which `ZBrush` writes the colours of its vertices.
+const POLYPAINT: &str = "#MRGB";
 
 /// An OBJ, normalised.
 #[derive(Debug, Default)]
@@ -30,7 +34,8 @@ pub struct NormalizedObj {
     pub text: String,
     /// Objects and groups that triangles belong to.
     pub parts: Vec<Part>,
-    /// Material names after `usemtl`, each once, with the number of its first line.
+    /// Material names after `usemtl`, each once, with the number of its first line. The text names them by
+    /// index into this list.
     pub materials: Vec<(usize, String)>,
     /// File names after `mtllib`, one line's as a whole, with the line's number.
     pub libraries: Vec<(usize, String)>,
@@ -41,17 +46,28 @@ pub struct NormalizedObj {
     /// Attributes (`texture coordinate`, `normal`) that corners refer to although the file has none,
     /// with the number of the first such line.
     pub absent: Vec<(usize, &'static str)>,
+    /// Number of the first line that gives a vertex a colour other than white.
+    pub colored: Option<usize>,
+}
+
+/// Lines of a text, whether they end in LF, in CR LF or in CR alone.
+pub(super) fn physical_lines(text: &str) -> impl Iterator<Item = &str> {
+    let text = text.trim_start_matches('\u{feff}');
+    text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r'))
 }
 
 /// Lines of a text, numbered from 1, joined where one ends in `\`, without blank and comment lines.
 pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
-    let mut physical = text.trim_start_matches('\u{feff}').lines().enumerate();
+    let mut physical = physical_lines(text).enumerate();
     std::iter::from_fn(move || {
         let (i, first) = physical.next()?;
         let mut line = Cow::Borrowed(first.trim());
-        while let Some(start) = line.strip_suffix('\\') {
+        while line.ends_with('\\') {
             let next = physical.next().map_or("", |(_, l)| l.trim());
-            line = Cow::Owned(format!("{start} {next}"));
+            let joined = line.to_mut();
+            joined.pop();
+            joined.push(' ');
+            joined.push_str(next);
             if next.is_empty() {
                 break;
             }
@@ -83,6 +99,13 @@ fn without_comment(rest: &str) -> &str {
     rest.split('#').next().unwrap_or_default()
 }
 
+/// A name without the comment behind it, which begins with a blank and `#`; `None` where there is none.
+/// It may be part of the name, as in `Material #25`.
+pub(super) fn name_before_comment(name: &str) -> Option<&str> {
+    let at = name.match_indices('#').map(|(i, _)| i).find(|&i| name[..i].ends_with(char::is_whitespace))?;
+    Some(name[..at].trim_end())
+}
+
 /// Numbers of positions, texture coordinates and normals.
 type Counts = [usize; 3];
 
@@ -92,19 +115,25 @@ struct Vertices<'t> {
     counts: Counts,
     /// Lines that are no vertices: number, vertices before the line, text.
     others: Vec<(usize, Counts, Cow<'t, str>)>,
+    /// Number of the first line with a colour other than white.
+    colored: Option<usize>,
 }
 
 /// First pass: reads all vertices and appends their normalised lines to `out`.
 fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineError> {
-    let mut found = Vertices { positions: Vec::new(), counts: [0; 3], others: Vec::new() };
+    let mut found = Vertices { positions: Vec::new(), counts: [0; 3], others: Vec::new(), colored: None };
     for (line, content) in logical_lines(text) {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
         match keyword {
             "v" => {
-                let ([x, y, z, w, ..], n) = numbers::<8>(rest).map_err(fail)?;
+                let (numbers, n) = numbers::<8>(rest).map_err(fail)?;
+                let [x, y, z, w, ..] = numbers;
                 let p = Vec3::new(x, y, z);
                 // More than four are colours.
+                if n > 5 && numbers[3..n].iter().any(|&c| c < WHITE) {
+                    found.colored.get_or_insert(line);
+                }
                 let p = match n {
                     0..=2 => return Err(fail(format!("needs 3 numbers, got {n}"))),
                     4 if w == 0.0 => return Err(fail("the weight (4th number) must not be 0".into())),
@@ -206,13 +235,16 @@ fn corner(
 pub fn normalize(text: &str) -> Result<NormalizedObj, LineError> {
     let mut out = NormalizedObj { text: String::with_capacity(text.len()), ..NormalizedObj::default() };
     out.text.push_str("mtllib all\nvt 0 0\nvn 0 0 0\n");
-    let Vertices { positions, counts: total, others } = vertices(text, &mut out.text)?;
+    let Vertices { positions, counts: total, others, colored } = vertices(text, &mut out.text)?;
+    let painted = || physical_lines(text).position(|l| l.starts_with(POLYPAINT)).map(|i| i + 1);
+    out.colored = colored.or_else(painted);
     let mut writer = Writer {
         out,
         positions,
         total,
         part: Part::default(),
         ids: HashMap::new(),
+        material_ids: HashMap::new(),
         is_new_part: true,
         digits: itoa::Buffer::new(),
     };
@@ -234,6 +266,8 @@ struct Writer {
     part: Part,
     /// Indices of the parts in `out`.
     ids: HashMap<Part, usize>,
+    /// Indices of the materials in `out`.
+    material_ids: HashMap<String, usize>,
     /// Whether `part` has changed since the last face.
     is_new_part: bool,
     digits: itoa::Buffer,
@@ -243,11 +277,13 @@ impl Writer {
     fn line(&mut self, line: usize, before: &Counts, keyword: &str, rest: &str) -> Result<(), String> {
         match keyword {
             "o" => {
+                let rest = name_before_comment(rest).unwrap_or(rest);
                 let object = (!rest.is_empty()).then(|| rest.to_owned());
                 self.part = Part { object, groups: Vec::new() };
                 self.is_new_part = true;
             }
             "g" => {
+                let rest = name_before_comment(rest).unwrap_or(rest);
                 self.part.groups = rest.split_whitespace().map(str::to_owned).collect();
                 if self.part.groups.len() > 1 {
                     self.part.groups.push(rest.to_owned());
@@ -256,11 +292,15 @@ impl Writer {
             }
             "mtllib" => self.out.libraries.push((line, rest.to_owned())),
             "usemtl" => {
-                if !rest.is_empty() && !self.out.materials.iter().any(|(_, m)| m == rest) {
-                    self.out.materials.push((line, rest.to_owned()));
-                }
+                let materials = &mut self.out.materials;
+                let id = (!rest.is_empty()).then(|| {
+                    *self.material_ids.entry(rest.to_owned()).or_insert_with_key(|name| {
+                        materials.push((line, name.clone()));
+                        materials.len() - 1
+                    })
+                });
                 // `tobj` takes an unknown name for none.
-                let name = if rest.is_empty() { "(none)" } else { rest };
+                let name = id.map_or_else(|| "(none)".to_owned(), |id| id.to_string());
                 push(&mut self.out.text, format_args!("usemtl {name}\n"));
             }
             "f" | "fo" => self.face(line, before, rest)?,
@@ -408,5 +448,18 @@ mod tests {
         let lines: Vec<_> =
             lines.iter().map(|(n, l)| (*n, l.split_whitespace().collect::<Vec<_>>())).collect();
         assert_eq!(lines, [(2, vec!["v", "1", "2", "3"]), (5, vec!["f", "1"])]);
+        let of = |text: &'static str| logical_lines(text).collect::<Vec<_>>();
+        let unix = of("# c\nv 1\n\nf 1\n");
+        assert_eq!(of("# c\rv 1\r\rf 1\r"), unix);
+        assert_eq!(of("# c\r\nv 1\r\n\r\nf 1\r\n"), unix);
+        assert_eq!(unix, [(2, "v 1".into()), (4, "f 1".into())]);
+    }
+
+    #[test]
+    fn a_comment_behind_a_name_begins_with_a_blank() {
+        assert_eq!(name_before_comment("red # the warm one"), Some("red"));
+        assert_eq!(name_before_comment("red\t#warm"), Some("red"));
+        assert_eq!(name_before_comment("red#1"), None);
+        assert_eq!(name_before_comment("# nothing"), None);
     }
 }

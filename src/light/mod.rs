@@ -37,7 +37,7 @@ use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, distance2, 
 
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
-pub use planar::{Cone, Planar};
+pub use planar::{Cone, Edge, Planar};
 pub use point::Point;
 pub use resize::{Outline, Resizable};
 pub use sample::{Crossing, LightLeSample, LightLiSample, LightPoint};

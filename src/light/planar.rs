@@ -14,11 +14,33 @@ pub struct Cone {
     pub cos_inner: f32,
     /// Cosine of the angle from the axis beyond which nothing is emitted.
     pub cos_outer: f32,
+    /// How emission falls off from the inner to the outer cosine.
+    pub edge: Edge,
+}
+
+/// How the emission of a [`Cone`] falls off over its edge, where x rises from 0 to 1 linearly in the
+/// cosine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Edge {
+    /// x²·(3 − 2x), the smooth step of Blender's spots.
+    #[default]
+    Smooth,
+    /// x², as `KHR_lights_punctual` recommends.
+    Squared,
+}
+
+impl Edge {
+    /// Emission relative to that along the axis at `x` in [0, 1].
+    fn emission(self, x: f32) -> f32 {
+        match self {
+            Self::Smooth => x * x * (3.0 - 2.0 * x),
+            Self::Squared => x * x,
+        }
+    }
 }
 
 impl Cone {
-    /// Radiance relative to that along the axis, where `cos_theta` is the cosine of the angle from it:
-    /// a smooth step between the two cosines.
+    /// Radiance relative to that along the axis, where `cos_theta` is the cosine of the angle from it.
     #[must_use]
     pub fn profile(&self, cos_theta: f32) -> f32 {
         let width = self.cos_inner - self.cos_outer;
@@ -26,7 +48,7 @@ impl Cone {
             return if cos_theta >= self.cos_outer { 1.0 } else { 0.0 };
         }
         let x = ((cos_theta - self.cos_outer) / width).clamp(0.0, 1.0);
-        x * x * (3.0 - 2.0 * x)
+        self.edge.emission(x)
     }
 }
 
@@ -179,12 +201,21 @@ impl Planar {
     pub(super) fn power(&self, s: f32) -> f32 {
         let projected = match self.cone {
             None => PI,
-            // ∫ profile(c)·c dc by parts: the smooth step's derivative is symmetric
-            // about the middle of the edge, where its second moment is width²/20.
-            Some(Cone { cos_inner, cos_outer }) => {
-                let mid = 0.5 * (cos_inner + cos_outer);
+            Some(Cone { cos_inner, cos_outer, edge }) => {
                 let width = cos_inner - cos_outer;
-                PI * (1.0 - (mid * mid + width * width / 20.0))
+                PI * (1.0
+                    - match edge {
+                        // ∫ profile(c)·c dc by parts: the smooth step's derivative is symmetric
+                        // about the middle of the edge, where its second moment is width²/20.
+                        Edge::Smooth => {
+                            let mid = 0.5 * (cos_inner + cos_outer);
+                            mid * mid + width * width / 20.0
+                        }
+                        // ∫ x² (cos_outer + x width) width dx from 0 to 1.
+                        Edge::Squared => {
+                            cos_inner * cos_inner - 2.0 * width * (cos_outer / 3.0 + width / 4.0)
+                        }
+                    })
             }
         };
         projected * self.area(s)

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use super::{Cone, LightLeSample, LightLiSample, LightPoint};
+use super::{Cone, Edge, LightLeSample, LightLiSample, LightPoint};
 use crate::math::{AreaPdf, Frame, Rgb, SolidAnglePdf, warp};
 
 /// A point light: its radiance is an intensity, W·sr⁻¹.
@@ -77,7 +77,11 @@ impl Point {
 
     /// Power at unit intensity, W.
     pub(super) fn power(&self) -> f32 {
-        // A smooth step in the cosine has its mean half-way.
-        2.0 * PI * self.cone.map_or(2.0, |(_, c)| 1.0 - 0.5 * (c.cos_inner + c.cos_outer))
+        // The mean of the profile over its edge is a half, or a third.
+        let solid_angle = self.cone.map_or(2.0, |(_, c)| match c.edge {
+            Edge::Smooth => 1.0 - 0.5 * (c.cos_inner + c.cos_outer),
+            Edge::Squared => 1.0 - (2.0 * c.cos_inner + c.cos_outer) / 3.0,
+        });
+        2.0 * PI * solid_angle
     }
 }

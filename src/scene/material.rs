@@ -6,7 +6,10 @@ use glam::Vec2;
 
 use super::texture::{ScalarMap, Texture};
 use crate::{
-    bsdf::{Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, microfacet::Ggx},
+    bsdf::{
+        Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, Thin, microfacet::Ggx,
+        thin::average_reflectance,
+    },
     math::{Rgb, luminance},
 };
 
@@ -22,6 +25,8 @@ pub enum Model {
     Dielectric,
     /// Lambertian base under a dielectric coat.
     Plastic,
+    /// A thin sheet of glass, both faces at once: nothing is refracted; the base colour tints what passes.
+    Thin,
 }
 
 impl Model {
@@ -30,7 +35,7 @@ impl Model {
     #[must_use]
     pub fn transmits(self) -> bool {
         match self {
-            Self::Dielectric => true,
+            Self::Dielectric | Self::Thin => true,
             Self::Diffuse | Self::Conductor | Self::Plastic => false,
         }
     }
@@ -154,6 +159,11 @@ enum Tables {
     Facets(Arc<Facets>),
     Coat(Arc<Coat>),
     Glass(Arc<Glass>),
+    /// A sheet of glass: its facets unless it is smooth, and its mean reflectance.
+    Sheet {
+        facets: Option<Arc<Facets>>,
+        average: f32,
+    },
 }
 
 /// Coats, facets and glass by IOR and GGX slope: materials that are alike share their tables.
@@ -213,6 +223,10 @@ impl Tables {
     fn new(params: &MaterialParams, roughness: Roughness, coats: &mut Coats) -> Self {
         if params.model == Model::Dielectric {
             return Self::Glass(coats.glass(params.ior, roughness));
+        }
+        if params.model == Model::Thin {
+            let average = average_reflectance(params.ior);
+            return Self::Sheet { facets: coats.facets(roughness), average };
         }
         let metallic = range_of(params.metallic, params.metallic_map.as_ref());
         let is_coated = params.model == Model::Plastic
@@ -363,7 +377,7 @@ impl Material {
     /// Whether the base colour has an effect that a value can scale.
     #[must_use]
     pub fn has_value(&self) -> bool {
-        self.params.model != Model::Dielectric && self.max_albedo() > 0.0
+        !self.params.model.transmits() && self.max_albedo() > 0.0
     }
 
     /// Whether a ray may pass straight through some of the surface.
@@ -422,6 +436,10 @@ impl Material {
         let alpha = alpha.or(self.alpha).unwrap_or(Ggx::MIN_ALPHA);
         let layer = match &self.tables {
             Tables::Glass(glass) => return Bsdf::Dielectric(glass.at(alpha)),
+            Tables::Sheet { facets, average } => {
+                let facets = facets.as_ref().map(|f| f.at(alpha));
+                return Bsdf::Thin(Thin { eta: p.ior, average: *average, tint: self.color(uv), facets });
+            }
             Tables::Coat(coat) => Layer::Coat(coat.at(alpha)),
             Tables::Facets(facets) => Layer::Facets(facets.at(alpha)),
             Tables::None => Layer::Bare,

@@ -163,7 +163,9 @@ impl Scene {
     pub fn fingerprint(&self) -> u64 {
         let m = &self.mesh;
         let vectors = m.positions.iter().chain(&m.normals).flat_map(|v| v.to_array());
-        let floats = vectors.chain(m.uvs.iter().flat_map(|v| v.to_array())).flat_map(f32::to_le_bytes);
+        let uvs = m.uvs.iter().flat_map(|v| v.to_array());
+        let tangents = m.tangents.iter().flat_map(|v| v.to_array());
+        let floats = vectors.chain(uvs).chain(tangents).flat_map(f32::to_le_bytes);
         let indices = m.indices.iter().flatten().chain(&m.materials).flat_map(|i| i.to_le_bytes());
         let lights: Vec<Light> = self.lights.iter().map(|l| Light { radiance: 1.0, ..l.clone() }).collect();
         let words = format!("{:?} {lights:?} {:?}", self.materials, self.background);
@@ -256,7 +258,10 @@ impl Scene {
         let surface = &self.materials[material as usize];
         let is_background = self.is_background[material as usize];
         let bsdf = surface.bsdf(uv, if is_background { sampling_value } else { 1.0 });
-        let tilted = surface.relief().map(|r| relief::tilt(r, &self.mesh, triangle, uv, ns));
+        let tilted = surface.relief().map(|r| {
+            let at = relief::Place { triangle, weights: Vec3::new(w, u, v), uv };
+            relief::tilt(r, &self.mesh, &at, ns)
+        });
         let si = SurfaceInteraction {
             p,
             clearance,

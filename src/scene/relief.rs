@@ -1,7 +1,8 @@
 //! Shading normals tilted by images.
 //!
 //! An image's axes run along ∂p/∂u and, v up, toward increasing v, both made
-//! orthonormal to the interpolated normal. With `z` the interpolated normal, a
+//! orthonormal to the interpolated normal; those of a normal map along the tangents
+//! that the file gives, if it does (glTF 2.0 section 3.7.2.1). With `z` the interpolated normal, a
 //! normal map gives the tilted one directly, a bump map by the derivatives of its
 //! height, the derivative of the normal itself left out (Mitsuba's `normalmap` and
 //! `bumpmap` with `flip_invalid_normals` and `use_shadowing_function` off; it takes
@@ -30,19 +31,47 @@ fn derivatives(mesh: &Mesh, triangle: usize) -> Option<[Vec3; 2]> {
     Some(derivatives).filter(|d| d.iter().all(|v| v.is_finite()) && is_basis(d))
 }
 
-/// The unit normal `n` of a point of a triangle, tilted.
+/// A point of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Index of the triangle.
+    pub triangle: usize,
+    /// Weights of its corners at the point.
+    pub weights: Vec3,
+    /// Texture coordinates at the point, v up.
+    pub uv: Vec2,
+}
+
+/// Axes of a normal map at a point of unit normal `n`, orthonormal to it: by the tangents of the corners
+/// where all have one, else along the texture coordinates.
+fn axes(mesh: &Mesh, at: &Place, n: Vec3) -> Option<[Vec3; 2]> {
+    let upright = |v: Vec3| (v - n * n.dot(v)).try_normalize();
+    let given = mesh.indices[at.triangle].map(|i| mesh.tangents.get(i as usize).copied().unwrap_or_default());
+    if given.iter().all(|t| t.w != 0.0) {
+        let [a, b, c] = given;
+        let tangent = a * at.weights.x + b * at.weights.y + c * at.weights.z;
+        if let Some(s) = upright(tangent.truncate()) {
+            return Some([s, n.cross(s) * tangent.w.signum()]);
+        }
+    }
+    let [du, dv] = derivatives(mesh, at.triangle)?;
+    let s = upright(du)?;
+    // Toward increasing v, whether or not the image is mirrored.
+    Some([s, n.cross(s) * n.cross(s).dot(dv).signum()])
+}
+
+/// The unit normal `n` of a point, tilted.
 #[must_use]
-pub fn tilt(relief: &Relief, mesh: &Mesh, triangle: usize, uv: Vec2, n: Vec3) -> Vec3 {
-    let Some([du, dv]) = derivatives(mesh, triangle) else { return n };
+pub fn tilt(relief: &Relief, mesh: &Mesh, at: &Place, n: Vec3) -> Vec3 {
     let tilted = match relief {
         Relief::NormalMap { texture, scale } => {
-            let Some(s) = (du - n * n.dot(du)).try_normalize() else { return n };
-            // Toward increasing v, whether or not the image is mirrored.
-            let t = n.cross(s) * n.cross(s).dot(dv).signum();
-            let m = texture.sample(uv) * 2.0 - Vec3::ONE;
+            let Some([s, t]) = axes(mesh, at, n) else { return n };
+            let m = texture.sample(at.uv) * 2.0 - Vec3::ONE;
             s * (m.x * scale) + t * (m.y * scale) + n * m.z
         }
         Relief::BumpMap { height, scale } => {
+            let Some([du, dv]) = derivatives(mesh, at.triangle) else { return n };
+            let uv = at.uv;
             let slope = height.gradient(uv) * (scale * du.length());
             let along = |d: Vec3, slope: f32| d + n * (slope - n.dot(d));
             let tilted = along(du, slope.x).cross(along(dv, slope.y));
@@ -72,7 +101,12 @@ mod tests {
             indices: vec![[0, 1, 2]],
             materials: vec![0],
             objects: vec![0],
+            ..Mesh::default()
         }
+    }
+
+    fn at(uv: f32) -> Place {
+        Place { triangle: 0, weights: Vec3::splat(1.0 / 3.0), uv: Vec2::splat(uv) }
     }
 
     fn image(f: impl Fn(u32, u32) -> [u16; 3]) -> Arc<Texture> {
@@ -89,7 +123,7 @@ mod tests {
     fn a_normal_map_leans_along_the_image_even_if_it_is_mirrored() {
         let m = Vec3::new(0.3, 0.5, 0.8).normalize();
         let relief = |scale| Relief::NormalMap { texture: image(|_, _| encoded(m)), scale };
-        let tilted = |mesh: &Mesh, scale| tilt(&relief(scale), mesh, 0, Vec2::splat(0.3), Vec3::Z);
+        let tilted = |mesh: &Mesh, scale| tilt(&relief(scale), mesh, &at(0.3), Vec3::Z);
         let upright = tilted(&triangle(Vec2::X, Vec2::Y), 1.0);
         assert!((upright - m).length() < 1e-4, "{upright}");
         let mirrored = tilted(&triangle(-Vec2::X * 3.0, Vec2::Y), 1.0);
@@ -98,6 +132,15 @@ mod tests {
         assert!((turned - Vec3::new(-m.y, m.x, m.z)).length() < 1e-4, "{turned}");
         let flat = tilted(&triangle(Vec2::X, Vec2::Y), 0.0);
         assert!((flat - Vec3::Z).length() < 1e-6, "{flat}");
+        // Tangents of the file come first, and the sign says which way the other axis runs.
+        for sign in [1.0, -1.0] {
+            let tangents = vec![Vec3::Y.extend(sign); 3];
+            let n = tilted(&Mesh { tangents, ..triangle(Vec2::X, Vec2::Y) }, 1.0);
+            assert!((n - Vec3::new(-m.y * sign, m.x, m.z)).length() < 1e-4, "{sign}: {n}");
+        }
+        let some = vec![Vec3::Y.extend(1.0); 2];
+        let n = tilted(&Mesh { tangents: some, ..triangle(Vec2::X, Vec2::Y) }, 1.0);
+        assert!((n - m).length() < 1e-4, "{n}");
     }
 
     #[test]
@@ -108,7 +151,7 @@ mod tests {
             height: ScalarMap { texture: texture.clone(), channel: Channel::R },
             scale: 1.0,
         };
-        let tilted = |mesh: &Mesh| tilt(&relief(&ramp), mesh, 0, Vec2::splat(0.4), Vec3::Z);
+        let tilted = |mesh: &Mesh| tilt(&relief(&ramp), mesh, &at(0.4), Vec3::Z);
         let expected = Vec3::new(-0.4, -0.2, 1.0).normalize();
         for size in [0.01, 1.0, 50.0] {
             let n = tilted(&triangle(Vec2::X * size, Vec2::Y * size));
@@ -118,7 +161,7 @@ mod tests {
         assert!((n - expected * Vec3::new(-1.0, 1.0, 1.0)).length() < 1e-3, "{n}");
         // Twice as many images across: twice as steep, each half as wide and as high.
         let halved = Arc::new(ramp.transformed(Affine2::from_scale(Vec2::splat(0.5))));
-        let n = tilt(&relief(&halved), &triangle(Vec2::X, Vec2::Y), 0, Vec2::splat(0.8), Vec3::Z);
+        let n = tilt(&relief(&halved), &triangle(Vec2::X, Vec2::Y), &at(0.8), Vec3::Z);
         assert!((n - Vec3::new(-0.2, -0.1, 1.0).normalize()).length() < 1e-3, "{n}");
     }
 
@@ -128,7 +171,7 @@ mod tests {
         let n = Vec3::new(0.6, 0.0, 0.8);
         for uvs in [[Vec2::ZERO; 3], [Vec2::ZERO, Vec2::X, Vec2::X * 2.0]] {
             let mesh = Mesh { uvs: uvs.to_vec(), ..triangle(Vec2::X, Vec2::Y) };
-            assert_eq!(tilt(&relief, &mesh, 0, Vec2::ZERO, n), n);
+            assert_eq!(tilt(&relief, &mesh, &at(0.0), n), n);
         }
     }
 }

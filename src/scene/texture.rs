@@ -6,6 +6,7 @@
 mod loader;
 
 use std::{
+    collections::HashMap,
     fmt,
     sync::{Arc, LazyLock},
 };
@@ -32,12 +33,41 @@ pub enum Encoding {
     Linear,
 }
 
-/// An RGBA image with repeat addressing and bilinear filtering of linear values.
+/// What lies beyond the edges of an image, along one of its axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The image again.
+    #[default]
+    Repeat,
+    /// The texels of its edge.
+    Clamp,
+    /// The image mirrored, then as it is, and so on.
+    Mirror,
+}
+
+impl Wrap {
+    /// The texel among `n` that stands at place `i`, which may lie beyond the image.
+    fn texel(self, i: i64, n: usize) -> usize {
+        let n = n as i64;
+        (match self {
+            Self::Repeat => i.rem_euclid(n),
+            Self::Clamp => i.clamp(0, n - 1),
+            Self::Mirror => {
+                let there_and_back = i.rem_euclid(2 * n);
+                there_and_back.min(2 * n - 1 - there_and_back)
+            }
+        }) as usize
+    }
+}
+
+/// An RGBA image with bilinear filtering of linear values, which repeats unless it is told otherwise.
 #[derive(Clone, Debug)]
 pub struct Texture {
     image: Arc<Image>,
     /// Transformation from the surface's texture coordinates to the image's, v up.
     transform: Affine2,
+    /// What lies beyond the edges across and down.
+    wrap: [Wrap; 2],
 }
 
 /// The texels of a texture.
@@ -265,14 +295,26 @@ impl Texture {
             "the samples must fill the image"
         );
         let image = Image::new("image".into(), size, encoding, channels, texels);
-        Self { image: Arc::new(image), transform: Affine2::IDENTITY }
+        Self { image: Arc::new(image), transform: Affine2::IDENTITY, wrap: [Wrap::Repeat; 2] }
     }
 
     /// The same image where the surface's texture coordinates (v up) pass
     /// through `transform` first.
     #[must_use]
     pub fn transformed(&self, transform: Affine2) -> Self {
-        Self { image: self.image.clone(), transform: transform * self.transform }
+        Self { transform: transform * self.transform, ..self.clone() }
+    }
+
+    /// The same image with other surroundings, across and down.
+    #[must_use]
+    pub fn wrapped(&self, wrap: [Wrap; 2]) -> Self {
+        Self { wrap, ..self.clone() }
+    }
+
+    /// What lies beyond the edges of the image, across and down.
+    #[must_use]
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
     }
 
     /// Maps texture coordinates of the surface to those of the image, v up.
@@ -310,13 +352,20 @@ impl Texture {
         let x = uv.x * width as f32 - 0.5;
         let y = (1.0 - uv.y) * height as f32 - 0.5;
         let (x0, y0) = (x.floor(), y.floor());
-        let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
-        let (left, right) = (wrap(x0, width), wrap(x0 + 1.0, width));
-        let (top, bottom) = (wrap(y0, height) * width, wrap(y0 + 1.0, height) * width);
+        let [across, down] = self.wrap;
+        let (left, right) = (across.texel(x0 as i64, width), across.texel((x0 + 1.0) as i64, width));
+        let (top, bottom) = (down.texel(y0 as i64, height), down.texel((y0 + 1.0) as i64, height));
+        let (top, bottom) = (top * width, bottom * width);
         Footprint {
             texels: [top + left, top + right, bottom + left, bottom + right].map(|i| self.image.decoded(i)),
             at: Vec2::new(x - x0, y - y0),
         }
+    }
+
+    /// What the texels occupy, bytes.
+    #[must_use]
+    pub fn n_bytes(&self) -> u64 {
+        self.image.extent().bytes()
     }
 
     /// Width and height, texels.
@@ -348,10 +397,11 @@ impl Texture {
 /// at most `budget` bytes; says which. Textures that share an image still do.
 pub fn fit(textures: &mut [&mut Arc<Texture>], budget: u64) -> Vec<String> {
     let mut images: Vec<Arc<Image>> = Vec::new();
+    let mut ids: HashMap<*const Image, usize> = HashMap::new();
     let of: Vec<usize> = textures
         .iter()
         .map(|t| {
-            images.iter().position(|i| Arc::ptr_eq(i, &t.image)).unwrap_or_else(|| {
+            *ids.entry(Arc::as_ptr(&t.image)).or_insert_with(|| {
                 images.push(t.image.clone());
                 images.len() - 1
             })
@@ -363,7 +413,8 @@ pub fn fit(textures: &mut [&mut Arc<Texture>], budget: u64) -> Vec<String> {
         images.into_iter().zip(&fitting).map(|(image, to)| Image::halved_to(image, to.size)).collect();
     for (texture, &i) in textures.iter_mut().zip(&of) {
         if !Arc::ptr_eq(&texture.image, &images[i]) {
-            **texture = Arc::new(Texture { image: images[i].clone(), transform: texture.transform });
+            let image = images[i].clone();
+            **texture = Arc::new(Texture { image, ..texture.as_ref().clone() });
         }
     }
     let reduced = images.iter().zip(&extents).filter(|(i, from)| i.extent() != **from);
@@ -453,6 +504,28 @@ mod tests {
             }
             assert!(n > 400, "{n}");
         }
+    }
+
+    #[test]
+    fn what_lies_beyond_the_edges_is_as_each_axis_says() {
+        // Texel x + 10 y, in red, of 4 × 3 texels.
+        let numbers = image::RgbaImage::from_fn(4, 3, |x, y| image::Rgba([(x + 10 * y) as u8, 0, 0, 255]));
+        let plain = texture(numbers, Encoding::Linear);
+        let at = |wrap: [Wrap; 2], x: i32, y: i32| {
+            let uv = Vec2::new((x as f32 + 0.5) / 4.0, 1.0 - (y as f32 + 0.5) / 3.0);
+            (plain.wrapped(wrap).sample(uv).x * 255.0).round()
+        };
+        let row = |across: Wrap| (-5..9).map(|x| at([across, Wrap::Repeat], x, 0)).collect::<Vec<_>>();
+        assert_eq!(row(Wrap::Repeat), [3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0.]);
+        assert_eq!(row(Wrap::Clamp), [0., 0., 0., 0., 0., 0., 1., 2., 3., 3., 3., 3., 3., 3.]);
+        assert_eq!(row(Wrap::Mirror), [3., 3., 2., 1., 0., 0., 1., 2., 3., 3., 2., 1., 0., 0.]);
+        let column = |down: Wrap| (-2..5).map(|y| at([Wrap::Repeat, down], 5, y) - 1.0).collect::<Vec<_>>();
+        assert_eq!(column(Wrap::Repeat), [10., 20., 0., 10., 20., 0., 10.]);
+        assert_eq!(column(Wrap::Clamp), [0., 0., 0., 10., 20., 20., 20.]);
+        assert_eq!(column(Wrap::Mirror), [10., 0., 0., 10., 20., 20., 10.]);
+        // Half a texel beyond a clamped edge nothing is mixed in from the other side.
+        let edge = plain.wrapped([Wrap::Clamp; 2]).sample(Vec2::new(1.0, 0.5));
+        assert!((edge.x * 255.0 - 13.0).abs() < 1e-4, "{edge}");
     }
 
     #[test]

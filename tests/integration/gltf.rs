@@ -9,6 +9,7 @@ use lightopt_embree::import::{
     imported::{Imported, Punctual},
 };
 use lightopt_embree::integrator::View;
+use lightopt_embree::light::{Cone, Edge};
 use lightopt_embree::lighting::Lighting;
 use lightopt_embree::scene::{
     Scene,
@@ -301,10 +302,12 @@ fn cameras_and_lights_of_the_file_are_used() {
     assert_eq!((camera.look_at - camera.position).y.round(), -1.0, "the first camera is that of node 1");
     assert_eq!(camera.aspect, Some(2.0));
     assert!((camera.vfov - 0.9_f32.to_degrees()).abs() < 1e-4);
-    assert!(s.warnings.iter().any(|w| w == "of 2 cameras `square` is taken, the first"), "{:?}", s.warnings);
+    let names: Vec<&str> = s.cameras.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["square", "eye"]);
     let names: Vec<&str> = s.lights.iter().map(|l| l.name.as_str()).collect();
     assert_eq!(names, ["lamp", "square", "lamp_2"]);
-    assert_eq!(s.lights[0].kind, Punctual::Spot { inner: 0.2, outer: 0.4 });
+    let cone = Cone { cos_inner: 0.2_f32.cos(), cos_outer: 0.4_f32.cos(), edge: Edge::Squared };
+    assert_eq!(s.lights[0].kind, Punctual::Spot(cone));
     assert_eq!((s.lights[0].intensity, s.lights[0].color.to_array()), (1.0, [1.0, 0.5, 0.0]));
     assert!((s.lights[0].direction - Vec3::NEG_Y).length() < 1e-6);
     assert_eq!(s.lights[1].kind, Punctual::Directional);
@@ -335,7 +338,16 @@ fn a_sidecar_is_optional_with_a_camera_and_wins_where_it_speaks() {
     room.write("s.toml", SIDECAR.replace("\"key\"", "\"lamp\""));
     let loaded = import::load(&room.path("s.glb")).unwrap();
     assert_eq!((loaded.scene.lights.len(), loaded.scene.lights[0].radiance), (1, 50.0));
-    assert!(loaded.warnings.iter().any(|w| w.ends_with("light `lamp` is replaced by that of the sidecar")));
+    // Of another kind it is replaced as a whole.
+    room.write(
+        "s.toml",
+        SIDECAR
+            .replace("\"key\"", "\"lamp\"")
+            .replace("sphere", "distant")
+            .replace("radius = 0.1", "look_at = [0, 0, 0]"),
+    );
+    let warnings = import::load(&room.path("s.glb")).unwrap().warnings;
+    assert!(warnings.iter().any(|w| w.ends_with("light `lamp` is replaced by that of the sidecar")));
 }
 
 #[test]
@@ -406,7 +418,13 @@ fn materials_are_mapped_as_documented() {
     let m = material(
         json!({"pbrMetallicRoughness": {"roughnessFactor": 0.1}, "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}}),
     );
-    assert_eq!((m.model, m.roughness), (Model::Dielectric, 0.1));
+    // A thin sheet, unless it says what is below it.
+    assert_eq!((m.model, m.roughness), (Model::Thin, 0.1));
+    let glass = |thickness: f32| {
+        let extensions = json!({"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume": {"thicknessFactor": thickness}});
+        material(json!({"extensions": extensions})).model
+    };
+    assert_eq!([glass(0.1), glass(0.0)], [Model::Dielectric, Model::Thin]);
 
     let m = material(
         json!({"emissiveFactor": [1, 0.5, 0], "doubleSided": true, "emissiveTexture": texture, "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}}}),

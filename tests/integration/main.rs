@@ -6,11 +6,13 @@
 mod basis;
 mod evaluate;
 mod export;
+mod exporters;
 mod exr_bytes;
 mod far;
 mod figures;
 mod gltf;
 mod known_optimum;
+mod large;
 mod limits;
 mod loader;
 mod photo;

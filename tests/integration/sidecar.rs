@@ -74,9 +74,9 @@ fn wrong_types_are_answered_with_line_and_key() {
 fn what_is_missing_is_named() {
     check(&[
         ("schema = 1\n", "", "room.toml:1: missing field `schema`"),
-        ("vfov = 45.0\n", "", "room.toml:2: missing field `vfov`"),
+        ("vfov = 45.0\n", "", "`camera.vfov`: is missing, and room.obj has no camera that has it"),
         ("name = \"fill\"\n", "", "room.toml:16: missing field `name`"),
-        ("type = \"sphere\"\n", "", "room.toml:16: missing field `type`"),
+        ("type = \"sphere\"\n", "", "`lights.fill.type`: is missing, and room.obj has no light of this name"),
         ("radius = 0.1\n", "", "`lights.fill.radius`: a sphere light needs this key"),
         ("half_extents = [0.2, 0.15]\n", "", "`lights.key.half_extents`: a rectangle light needs this key"),
         ("look_at = [0.0, 0.3, 0.0]\n", "", "`lights.key.look_at`: a rectangle light needs this key"),
@@ -114,6 +114,7 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
             "`crease_angle`: must be in [0, 180] degrees, got -1",
         ),
         ("45.0", "180.0", "`camera.vfov`: must be in (0, 180) degrees, got 180"),
+        ("[24, 18]", "[24, 18]\nshift = [0.0, 11.0]", "`camera.shift`: must be from -10 to 10, got [0, 11]"),
         ("[24, 18]", "[0, 18]", "`camera.size`: must be at least 1 x 1"),
         ("[24, 18]", "[65536, 65536]", "`camera.size`: must be at least 1 x 1 and at most"),
         ("[0.0, 1.0, 3.0]", "[0.0, inf, 3.0]", "`camera.position`: must be finite"),

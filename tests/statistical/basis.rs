@@ -37,7 +37,11 @@ fn scene() -> Scene {
     s.quad(Vec3::new(-1.0, 0.01, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 3);
     s.quad(Vec3::new(-0.9, 0.1, -0.95), Vec3::X * 0.8, Vec3::Y * 1.2, 4);
     s.sphere(Vec3::new(0.2, 0.4, 0.1), 0.35, 8, true, 5);
-    let cone = lightopt_embree::light::Cone { cos_inner: 0.9, cos_outer: 0.6 };
+    let cone = lightopt_embree::light::Cone {
+        cos_inner: 0.9,
+        cos_outer: 0.6,
+        edge: lightopt_embree::light::Edge::Smooth,
+    };
     let lights = vec![
         scenes::rectangle("panel", Vec3::new(0.0, 1.9, 0.0), Vec3::NEG_Y, 0.3, 0.2),
         scenes::disk("spot", Vec3::new(-0.6, 1.6, 0.3), Vec3::new(0.5, -1.0, 0.0), 0.15, Some(cone)),

@@ -11,9 +11,10 @@ use std::{
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Blend, Bsdf, Coat, CoatPoint, Conductor, Diffuse, Facets, Glass, Layer, Plastic,
+        Blend, Bsdf, Coat, CoatPoint, Conductor, Diffuse, Facets, Glass, Layer, Plastic, Thin,
         TransportMode::{self, Importance, Radiance},
         microfacet::Ggx,
+        thin::average_reflectance,
     },
     math::{
         ONE_MINUS_EPSILON, Rgb, luminance,
@@ -68,6 +69,7 @@ static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
         wo: directions(),
     }));
     cases.extend(blends());
+    cases.extend([(0.03, Rgb::ONE), (0.25, Rgb::new(0.9, 0.4, 0.1)), (1.0, Rgb::ONE)].map(sheet));
     cases
 });
 
@@ -157,6 +159,16 @@ fn blends() -> Vec<Case> {
 fn blend<'a>(color: Rgb, metallic: f32, coat: Option<CoatPoint<'a>>, alpha: Option<f32>) -> Bsdf<'a> {
     let bare = || alpha.map_or(Layer::Bare, |alpha| Layer::Facets(ANY_FACETS.at(alpha)));
     Bsdf::Blend(Blend::new(color, metallic, 0.6, coat.map_or_else(bare, Layer::Coat)))
+}
+
+/// A sheet of glass of slope `alpha` and a tint.
+fn sheet((alpha, tint): (f32, Rgb)) -> Case {
+    Case { name: format!("sheet {alpha}"), alpha: Some(alpha), bsdf: thin(alpha, tint), wo: directions() }
+}
+
+fn thin(alpha: f32, tint: Rgb) -> Bsdf<'static> {
+    let facets = Some(keep(Facets::new(alpha)).at(alpha));
+    Bsdf::Thin(Thin { eta: ETA, average: average_reflectance(ETA), tint, facets })
 }
 
 /// Tests of one kind over all models.
@@ -295,6 +307,11 @@ fn plastic_samples_follow_their_density() {
 #[test]
 fn blend_samples_follow_their_density() {
     check_all("blend");
+}
+
+#[test]
+fn samples_of_a_sheet_follow_their_density() {
+    check_all("sheet");
 }
 
 /// Samples of `bsdf` against a density that is not theirs.

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
-    light::{Cone, Light, LightPoint, LightSampler, Outline, Planar, Point, Shape, SizeDensity},
+    light::{Cone, Edge, Light, LightPoint, LightSampler, Outline, Planar, Point, Shape, SizeDensity},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -20,7 +20,7 @@ use crate::support::{
 
 const N: u32 = 1 << 18;
 const EXTENT: f32 = 1.4;
-const CONE: Cone = Cone { cos_inner: 0.9, cos_outer: 0.6 };
+const CONE: Cone = Cone { cos_inner: 0.9, cos_outer: 0.6, edge: Edge::Smooth };
 
 /// Density of the sizes of lights that are sampled up to [`EXTENT`].
 fn up_to_extent() -> SizeDensity {
@@ -298,7 +298,7 @@ fn emitted_samples_carry_the_power_of_every_size() {
     let mut all = Vec::new();
     let mut lights = lights();
     lights.push(light("point", Shape::Point(Point::isotropic(Vec3::ONE))));
-    let hard = Cone { cos_inner: 0.8, cos_outer: 0.8 };
+    let hard = Cone { cos_inner: 0.8, cos_outer: 0.8, edge: Edge::Smooth };
     lights.push(disk("hard spot", Vec3::ZERO, Vec3::Z, 0.3, Some(hard)));
     for light in &mut lights {
         light.color = Vec3::new(1.2, 0.9, 1.0);
@@ -343,6 +343,38 @@ fn emitted_samples_carry_the_power_of_every_size() {
     close(power("hard spot"), PI * (1.0 - 0.64) * PI * 0.15 * 0.15);
     let cone = integrate_1d(0.6, 1.0, 400, |c| 2.0 * PI * profile(c) * c);
     close(power("spot"), cone * PI * 0.2 * 0.2);
+}
+
+#[test]
+fn a_cone_that_falls_off_squared_has_the_power_of_its_profile() {
+    let cone = Cone { edge: Edge::Squared, ..CONE };
+    let squared = |c: f64| {
+        let x = (c - f64::from(cone.cos_outer)) / f64::from(cone.cos_inner - cone.cos_outer);
+        x.clamp(0.0, 1.0).powi(2)
+    };
+    let point = Shape::Point(Point { position: Vec3::ONE, cone: Some((Vec3::Z, cone)) });
+    for (light, weight) in [
+        (light("point", point), (|_| 1.0) as fn(f64) -> f64),
+        (disk("disk", Vec3::ZERO, Vec3::Z, 0.3, Some(cone)), |c| c * PI * 0.3 * 0.3),
+    ] {
+        let exact = integrate_1d(0.6, 1.0, 400, |c| 2.0 * PI * squared(c) * weight(c));
+        let power = f64::from(light.unit_power(1.0)) / f64::from(luminance(light.color));
+        assert!((power / exact - 1.0).abs() < 1e-5, "{} {power} {exact}", light.name);
+        // What samples of its emission carry is that power too.
+        let q = SizeDensity::uniform_area(1.0);
+        let mut random = Random::new(&[15]);
+        let mut carried = Moments::default();
+        for _ in 0..N {
+            let e = light.sample_le(&q, random.next_2d(), random.next_2d());
+            carried.push(e.map_or(0.0, |e| {
+                let cos = if e.at.n == Vec3::ZERO { 1.0 } else { e.dir.dot(e.at.n) };
+                f64::from(luminance(e.radiance) * cos / (e.pdf_pos.0 * e.pdf_dir.0))
+            }));
+        }
+        let sd = carried.variance_of_mean().sqrt();
+        let z = (carried.mean() - exact) / sd;
+        assert!(z.abs() < sidak_z(0.01, 2), "{}: {} ± {sd}, {exact}", light.name, carried.mean());
+    }
 }
 
 /// The cone's smooth step.

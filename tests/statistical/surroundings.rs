@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{Vec2, Vec3};
 use lightopt_embree::{
-    light::{Cone, Distant, Environment, Light, LightPoint, Point, Shape, SizeDensity, Surroundings},
+    light::{Cone, Distant, Edge, Environment, Light, LightPoint, Point, Shape, SizeDensity, Surroundings},
     math::{
         luminance,
         stats::{Moments, sidak_z},
@@ -119,7 +119,7 @@ fn panel(two_sided: bool) -> (Light, Light) {
 
 #[test]
 fn emitted_samples_carry_the_power() {
-    let cone = Cone { cos_inner: 0.9, cos_outer: 0.6 };
+    let cone = Cone { cos_inner: 0.9, cos_outer: 0.6, edge: Edge::Smooth };
     let scene = surroundings().scene;
     let lights = [
         light("sky", Shape::Environment(surroundings())),

@@ -6,8 +6,8 @@ use glam::{UVec2, Vec2, Vec3};
 use lightopt_embree::{
     camera::{Camera, Lens},
     light::{
-        Cone, Distant, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar, Point, RadianceMap,
-        Shape, Sphere, Surroundings, look_frame,
+        Cone, Distant, Edge, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar, Point,
+        RadianceMap, Shape, Sphere, Surroundings, look_frame,
     },
     math::Rgb,
     picture::Samples,
@@ -239,7 +239,7 @@ pub fn lights_in_line(size: (u32, u32)) -> Scene {
     near.radiance = 0.7;
     let mut far = sphere_light("far", Vec3::new(0.05, 1.0, -0.4), 0.3);
     far.radiance = 1.5;
-    let cone = Cone { cos_inner: 0.95, cos_outer: 0.8 };
+    let cone = Cone { cos_inner: 0.95, cos_outer: 0.8, edge: Edge::Smooth };
     let mut spot = disk("spot", Vec3::new(-0.6, 1.7, 0.4), Vec3::new(0.5, -1.0, -0.3), 0.1, Some(cone));
     spot.radiance = 40.0;
     let mut point = light("point", Shape::Point(Point::isotropic(Vec3::new(0.6, 1.5, 0.5))));
@@ -340,7 +340,7 @@ pub fn veils(size: (u32, u32)) -> Scene {
 pub fn out_of_focus(size: (u32, u32)) -> Scene {
     let mut scene = glossy_floor(size);
     let mut lights = scene.lights.clone();
-    let cone = Cone { cos_inner: 0.9, cos_outer: 0.7 };
+    let cone = Cone { cos_inner: 0.9, cos_outer: 0.7, edge: Edge::Smooth };
     let axis = Vec3::new(-0.3, -1.0, 0.1).normalize();
     lights.push(light(
         "spot",

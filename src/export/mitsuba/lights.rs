@@ -6,9 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::{
     ExportError, SKIN, Surface, Writer, no_counterpart,
-    xml::{
-        bitmap, element, float, inline, list, null, place, plain, property, rgb, string, texture, to_world,
-    },
+    xml::{bitmap, element, float, inline, list, null, place, plain, property, rgb, string, to_world},
 };
 use crate::{
     camera::Camera,
@@ -212,7 +210,7 @@ impl Writer<'_> {
                     s.material,
                     "Mitsuba samples what it emits rightly only where each texel is used once",
                 );
-                texture("radiance", &file, image.transform())
+                self.texture(s, "radiance", &file, image)
             }
         };
         Ok(Some((area_emitter(&emitted), m.two_sided())))

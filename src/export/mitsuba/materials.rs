@@ -47,10 +47,22 @@ impl Writer<'_> {
         self.warnings.push(format!("material `{}`: {message}", material.name));
     }
 
+    /// A picture file as the texture of the parameter `name`, laid out as `image` is.
+    pub(super) fn texture(&mut self, s: &Surface, name: &str, file: &str, image: &Texture) -> String {
+        let [across, down] = image.wrap();
+        if across != down {
+            self.warn(s.material, "Mitsuba goes on beyond an image across and down alike; taken as across");
+        }
+        texture(name, file, image)
+    }
+
     /// The BSDF of a surface, with its opacity.
     pub(super) fn bsdf(&mut self, s: &Surface) -> Result<String, ExportError> {
-        let scattered = if s.material.model() == Model::Dielectric {
-            let glass = self.dielectric(s)?;
+        let scattered = if s.material.model().transmits() {
+            let glass = match s.material.model() {
+                Model::Thin => self.thin(s)?,
+                _ => self.dielectric(s)?,
+            };
             match self.relief(s, &glass)? {
                 None => glass,
                 Some([front, _]) => {
@@ -89,7 +101,7 @@ impl Writer<'_> {
         let Some(map) = map else { return Ok(float(name, f(factor))) };
         let scaled = |v: f32| f((factor * v).clamp(0.0, 1.0));
         let written = self.directory.scalar_texture(&format!("{}_{file}", s.stem), file, map, scaled)?;
-        Ok(texture(name, &written, map.texture.transform()))
+        Ok(self.texture(s, name, &written, &map.texture))
     }
 
     /// The parameter `name` with the base colour times `scale`, a number or a texture.
@@ -107,7 +119,7 @@ impl Writer<'_> {
                 let stem = if scale == 1.0 { s.stem.clone() } else { format!("{}_coated", s.stem) };
                 let tinted = |[r, g, b, _]: [f32; 4]| limit(Rgb::new(r, g, b) * tint).to_array();
                 let file = self.directory.color_texture(&stem, "color", image, tinted)?;
-                texture(name, &file, image.transform())
+                self.texture(s, name, &file, image)
             }
         };
         if clamped {
@@ -122,6 +134,23 @@ impl Writer<'_> {
             None => element("bsdf", "dielectric", &ior),
             Some(alpha) => element("bsdf", "roughdielectric", &(ggx(&alpha) + &ior)),
         })
+    }
+
+    fn thin(&mut self, s: &Surface) -> Result<String, ExportError> {
+        if s.material.alpha().is_none() && s.material.roughness_map().is_none() {
+            let tint = self.color(s, "specular_transmittance", 1.0)?;
+            return Ok(element("bsdf", "thindielectric", &(refraction(s.material) + &tint)));
+        }
+        self.warn(s.material, "Mitsuba blurs what passes a rough sheet by its index of refraction too");
+        let roughness =
+            self.number(s, ["roughness"; 2], s.material.roughness(), s.material.roughness_map(), |r| r)?;
+        let body = [
+            self.color(s, "base_color", 1.0)?,
+            roughness,
+            float("spec_trans", 1.0),
+            float("eta", s.material.ior()),
+        ];
+        Ok(element("bsdf", "principledthin", &body.concat()))
     }
 
     /// The GGX slope as a number or a texture; `None` for a smooth surface.
@@ -247,13 +276,19 @@ impl Writer<'_> {
         if mirrored > 0 && mirrored < s.part.len() {
             self.warn(s.material, "its image is mirrored on some triangles, where Mitsuba's green is down");
         }
+        if !self.job.scene().mesh.tangents.is_empty() {
+            self.warn(
+                s.material,
+                "Mitsuba lays normals out by texture coordinates, not by the file's tangents",
+            );
+        }
         let green = if 2 * mirrored > s.part.len() { -scale } else { scale };
         let mut side = |name: &str, sign: f32| -> Result<String, ExportError> {
             let tilt = |v: f32, scale: f32| 0.5 + (v - 0.5) * scale * sign;
             let tilted = |[x, y, z, _]: [f32; 4]| [tilt(x, scale), tilt(y, green), z];
             let stem = format!("{}_{name}", s.stem);
             let file = self.directory.color_texture(&stem, "normals", image, tilted)?;
-            let map = texture("normalmap", &file, image.transform());
+            let map = self.texture(s, "normalmap", &file, image);
             Ok(element("bsdf", "normalmap", &(map + &unbent() + inner)))
         };
         Ok([side("normals", 1.0)?, side("normals_back", -1.0)?])

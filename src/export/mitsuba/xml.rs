@@ -4,7 +4,10 @@ use std::fmt::Display;
 
 use glam::{Affine2, Vec2, Vec3};
 
-use crate::math::Frame;
+use crate::{
+    math::Frame,
+    scene::texture::{Texture, Wrap},
+};
 
 /// The text with each line moved in by a level of four blanks.
 pub(super) fn indented(text: &str) -> String {
@@ -86,9 +89,17 @@ pub(super) fn bitmap(label: &str, file: &str, options: &str) -> String {
 
 /// A picture file as the texture of the parameter `name`. `transform` maps the
 /// surface's texture coordinates to the image's, v up.
-pub(super) fn texture(name: &str, file: &str, transform: Affine2) -> String {
-    let options = if transform == Affine2::IDENTITY { String::new() } else { to_uv(transform) };
-    bitmap(&format!("name=\"{name}\""), file, &options)
+///
+/// Mitsuba has one word for both axes of an image: that of the axis across.
+pub(super) fn texture(name: &str, file: &str, image: &Texture) -> String {
+    let transform = image.transform();
+    let placed = if transform == Affine2::IDENTITY { String::new() } else { to_uv(transform) };
+    let wrapped = match image.wrap()[0] {
+        Wrap::Repeat => String::new(),
+        Wrap::Clamp => string("wrap_mode", "clamp"),
+        Wrap::Mirror => string("wrap_mode", "mirror"),
+    };
+    bitmap(&format!("name=\"{name}\""), file, &(placed + &wrapped))
 }
 
 fn to_uv(transform: Affine2) -> String {

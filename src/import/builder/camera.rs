@@ -1,77 +1,177 @@
-//! The camera: that of the sidecar, else that of the scene file.
+//! The camera: that of the scene file, with what the sidecar says of it.
 
 use glam::{UVec2, Vec3};
 
-use super::source::Source;
+use super::{LoadOptions, source::Source};
 use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
     import::{
         error::ImportError,
-        imported::ImportedCamera,
-        sidecar::{CameraSpec, DEFAULT_FILM, Sidecar},
+        imported::{Imported, ImportedCamera},
+        sidecar::{CameraName, CameraSpec, DEFAULT_FILM, Sidecar},
     },
 };
 
 /// Largest aspect ratio, and inverse of the smallest, of an imported camera's film: beyond it a film
 /// [`DEFAULT_FILM`] wide has fewer than 40 rows, or more than 10 240.
 const MAX_ASPECT: f32 = 16.0;
+/// Largest shift of the film, in lengths of its longer side: the range of Blender's, beyond which a picture
+/// is seen at an angle of more than 87 degrees.
+const MAX_SHIFT: f32 = 10.0;
+/// Keys of `[camera]` that say where a camera is and what it sees.
+const PLACE: &str = "`position`, `look_at`, `up` and `vfov`";
 
 impl Source<'_> {
-    /// The sidecar's camera, else that of the scene file.
-    pub fn camera(&self, sidecar: &Sidecar, imported: Option<ImportedCamera>) -> Result<Camera, ImportError> {
-        match (&sidecar.camera, imported) {
-            (Some(spec), _) => self.sidecar_camera(spec),
-            (None, Some(camera)) => self.imported_camera(&camera),
-            (None, None) => Err(self.missing("camera")),
+    /// Chooses the camera of the scene file that the option names, else the sidecar, else the first; says
+    /// so where the file has several.
+    pub fn choose_camera(
+        &self,
+        options: &LoadOptions,
+        sidecar: Option<&Sidecar>,
+        imported: &mut Imported,
+    ) -> Result<(), ImportError> {
+        let spec = sidecar.and_then(|s| s.camera.as_ref());
+        let named = spec.and_then(|c| c.name.as_ref());
+        let chosen = match (&options.camera, named) {
+            (Some(name), _) => self.find_camera(name, imported).map_err(|message| ImportError::Key {
+                path: self.scene_path.into(),
+                key: "--camera".into(),
+                message,
+            })?,
+            (None, Some(name)) => {
+                self.find_camera(name, imported).map_err(|message| self.error("camera.name", message))?
+            }
+            (None, None) => {
+                let is_placed = spec.is_some_and(is_placed);
+                if let [(first, _), _, ..] = &imported.cameras[..]
+                    && !is_placed
+                {
+                    let n = imported.cameras.len();
+                    let way = "`--camera` or `camera.name` in the sidecar takes another";
+                    imported.warnings.push(format!("of {n} cameras `{first}` is taken, the first; {way}"));
+                }
+                return Ok(());
+            }
+        };
+        if options.camera.is_some() && spec.is_some_and(|c| c.position.is_some() || c.look_at.is_some()) {
+            let file = self.sidecar_path.display();
+            imported.warnings.push(format!("{file}: {PLACE} of [camera] give way to `--camera`"));
         }
+        imported.camera = Some(imported.cameras[chosen].1);
+        Ok(())
     }
 
-    fn sidecar_camera(&self, c: &CameraSpec) -> Result<Camera, ImportError> {
-        if !(c.vfov > 0.0 && c.vfov < 180.0) {
-            return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {}", c.vfov)));
+    /// Index of a camera of the scene file; the error says which there are.
+    fn find_camera(&self, name: &CameraName, imported: &Imported) -> Result<usize, String> {
+        let cameras = &imported.cameras;
+        let (word, number) = match name {
+            CameraName::Name(word) => (word.clone(), word.parse().ok()),
+            CameraName::Number(n) => (n.to_string(), Some(*n)),
+        };
+        let by_name = cameras.iter().position(|(known, _)| *known == word);
+        let by_number = || number.and_then(|n: usize| n.checked_sub(1)).filter(|&i| i < cameras.len());
+        by_name.or_else(by_number).ok_or_else(|| {
+            let file = self.scene_path.display();
+            let known: Vec<String> =
+                cameras.iter().enumerate().map(|(i, (known, _))| format!("{} `{known}`", i + 1)).collect();
+            match known.len() {
+                0 => format!("no `{word}`: {file} has no camera"),
+                _ => format!("no `{word}`: the cameras of {file} are {}", known.join(", ")),
+            }
+        })
+    }
+
+    /// The scene file's camera with what the sidecar says in its place; `subject` is the middle of the main
+    /// object, metres.
+    pub fn camera(
+        &self,
+        options: &LoadOptions,
+        sidecar: &Sidecar,
+        base: Option<ImportedCamera>,
+        subject: impl Fn() -> Vec3,
+    ) -> Result<Camera, ImportError> {
+        let spec = match (&sidecar.camera, base) {
+            (None, None) => return Err(self.missing("camera")),
+            (None, Some(_)) => CameraSpec::default(),
+            (Some(spec), _) if options.camera.is_some() => {
+                CameraSpec { position: None, look_at: None, up: None, vfov: None, ..spec.clone() }
+            }
+            (Some(spec), _) => spec.clone(),
+        };
+        self.check(&spec)?;
+        let needed = |key: &str| {
+            let file = self.scene_path.display();
+            self.error(format!("camera.{key}"), format!("is missing, and {file} has no camera that has it"))
+        };
+        let point = |key: &str, value: Option<[f64; 3]>| {
+            value.map(|v| self.point(&format!("camera.{key}"), v)).transpose()
+        };
+        let position = point("position", spec.position)?;
+        let position = position.or(base.map(|c| c.position)).ok_or_else(|| needed("position"))?;
+        let ahead = base.map(|c| position + (c.look_at - c.position));
+        let look_at = point("look_at", spec.look_at)?.or(ahead).ok_or_else(|| needed("look_at"))?;
+        let own_up = base.filter(|_| spec.look_at.is_none()).map_or(Vec3::Y, |c| c.up);
+        let up = spec.up.map_or(own_up, Vec3::from_array);
+        let vfov = spec.vfov.or(base.map(|c| c.vfov)).ok_or_else(|| needed("vfov"))?;
+        let own_size = base.filter(|_| !is_placed(&spec)).map_or(DEFAULT_FILM, |c| film_of(&c));
+        let size = UVec2::from_array(spec.size.unwrap_or(own_size));
+        let camera = Camera::new(position, look_at, up, vfov, size).ok_or_else(|| match &sidecar.camera {
+            Some(_) => self.error("camera.look_at", "must differ from `position` and not lie along `up`"),
+            None => {
+                let message = "cannot be used as it is placed; give [camera] in the sidecar".into();
+                ImportError::Key { path: self.scene_path.into(), key: "cameras".into(), message }
+            }
+        })?;
+        let middle = || match spec.look_at {
+            Some(_) => look_at.distance(position),
+            None => (subject() - position).dot(camera.forward()),
+        };
+        let lens = self.lens(&spec, middle)?;
+        Ok(camera.with_lens(lens).with_shift(spec.shift.unwrap_or_default().into()))
+    }
+
+    /// Checks the values that are given.
+    fn check(&self, c: &CameraSpec) -> Result<(), ImportError> {
+        if let Some(vfov) = c.vfov.filter(|v| !(*v > 0.0 && *v < 180.0)) {
+            return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {vfov}")));
         }
-        let (position, look_at) = self.camera_points(c)?;
-        self.finite("camera.up", c.up)?;
-        if !is_film_size(c.size.into()) {
+        c.up.map_or(Ok(()), |up| self.finite("camera.up", up))?;
+        if let Some([x, y]) = c.shift.filter(|s| !s.iter().all(|v| v.abs() <= MAX_SHIFT)) {
+            let message = format!("must be from -{MAX_SHIFT} to {MAX_SHIFT}, got [{x}, {y}]");
+            return Err(self.error("camera.shift", message));
+        }
+        if let Some(size) = c.size.filter(|&size| !is_film_size(size.into())) {
             let allowed = format!("must be at least 1 x 1 and at most {MAX_PIXELS} pixels");
-            return Err(self.error("camera.size", format!("{allowed}, got {:?}", c.size)));
+            return Err(self.error("camera.size", format!("{allowed}, got {size:?}")));
         }
-        let camera = Camera::new(position, look_at, c.up.into(), c.vfov, UVec2::from_array(c.size))
-            .ok_or_else(|| {
-                self.error("camera.look_at", "must differ from `position` and not lie along `up`")
-            })?;
-        Ok(camera.with_lens(self.lens(c)?))
+        Ok(())
     }
 
-    /// Position of the sidecar's camera and the point that it looks at.
-    fn camera_points(&self, c: &CameraSpec) -> Result<(Vec3, Vec3), ImportError> {
-        Ok((self.point("camera.position", c.position)?, self.point("camera.look_at", c.look_at)?))
-    }
-
-    /// The thin lens, focused on `look_at` where the sidecar does not say; `None` for a pinhole.
-    fn lens(&self, c: &CameraSpec) -> Result<Option<Lens>, ImportError> {
+    /// The thin lens, focused at `middle`, metres, where the sidecar does not say; `None` for a pinhole.
+    fn lens(&self, c: &CameraSpec, middle: impl Fn() -> f32) -> Result<Option<Lens>, ImportError> {
         match (c.aperture_radius, c.focus_distance) {
             (None, None) => Ok(None),
             (None, Some(_)) => Err(self.error("camera.focus_distance", "needs `aperture_radius`")),
             (Some(radius), focus) => {
                 let radius = self.positive("camera.aperture_radius", radius)?;
-                let (position, look_at) = self.camera_points(c)?;
-                let looked_at = look_at.distance(position);
-                let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or(looked_at))?;
+                let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or_else(middle))?;
                 Ok(Some(Lens { radius, focus_distance }))
             }
         }
     }
+}
 
-    fn imported_camera(&self, c: &ImportedCamera) -> Result<Camera, ImportError> {
-        let [width, height] = DEFAULT_FILM;
-        let height = c.aspect.map_or(height, |a| {
-            let aspect = a.clamp(1.0 / MAX_ASPECT, MAX_ASPECT);
-            (width as f32 / aspect).round() as u32
-        });
-        Camera::new(c.position, c.look_at, c.up, c.vfov, UVec2::new(width, height)).ok_or_else(|| {
-            let message = "cannot be used as it is placed; give [camera] in the sidecar".into();
-            ImportError::Key { path: self.scene_path.into(), key: "cameras".into(), message }
-        })
-    }
+/// Whether the sidecar alone says where the camera is and what it sees.
+fn is_placed(c: &CameraSpec) -> bool {
+    c.position.is_some() && c.look_at.is_some() && c.vfov.is_some()
+}
+
+/// Film of an imported camera, pixels.
+fn film_of(c: &ImportedCamera) -> [u32; 2] {
+    let [width, height] = DEFAULT_FILM;
+    let height = c.aspect.map_or(height, |a| {
+        let aspect = a.clamp(1.0 / MAX_ASPECT, MAX_ASPECT);
+        (width as f32 / aspect).round() as u32
+    });
+    [width, height]
 }

@@ -1,6 +1,6 @@
 //! Surfaces that emit, as mesh lights.
 
-use std::{collections::BTreeSet, sync::Arc};
+use std::{cell::OnceCell, collections::BTreeSet, sync::Arc};
 
 use glam::Vec2;
 
@@ -25,12 +25,14 @@ pub struct Emitters<'a> {
     mesh: &'a Mesh,
     materials: &'a [Material],
     unclaimed: BTreeSet<usize>,
+    /// Triangles of each material, listed when they are first asked for.
+    triangles: OnceCell<Vec<Vec<usize>>>,
 }
 
 impl<'a> Emitters<'a> {
     /// The surfaces of a scene, all materials unclaimed.
     pub fn new(mesh: &'a Mesh, materials: &'a [Material]) -> Self {
-        Self { mesh, materials, unclaimed: (0..materials.len()).collect() }
+        Self { mesh, materials, unclaimed: (0..materials.len()).collect(), triangles: OnceCell::new() }
     }
 
     /// The scene's materials.
@@ -58,13 +60,19 @@ impl<'a> Emitters<'a> {
 
     fn triangles_of(&self, material: usize) -> Vec<EmissiveTriangle> {
         let mesh = self.mesh;
-        let of_material = (0..mesh.indices.len()).filter(|&prim| mesh.materials[prim] as usize == material);
+        let lists = self.triangles.get_or_init(|| {
+            let mut lists = vec![Vec::new(); self.materials.len()];
+            for (prim, &m) in mesh.materials.iter().enumerate() {
+                lists[m as usize].push(prim);
+            }
+            lists
+        });
         let emissive = |prim: usize| EmissiveTriangle {
             prim: prim as u32,
             corners: mesh.corners(prim),
             uvs: mesh.indices[prim].map(|i| mesh.uvs[i as usize]),
             clearance: interaction::clearance_of(mesh.corners(prim)),
         };
-        of_material.map(emissive).collect()
+        lists[material].iter().copied().map(emissive).collect()
     }
 }

@@ -1,8 +1,12 @@
 //! The lights of a scene in their order, each with its author's constraints on its variables.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
-use super::{emitters::Emitters, lights::punctual, source::Source};
+use super::{
+    emitters::Emitters,
+    lights::{is_laid_over, punctual},
+    source::Source,
+};
 use crate::{
     import::{
         error::ImportError,
@@ -34,24 +38,31 @@ impl Source<'_> {
             is_from_file: true,
             ..LightConstraints::default()
         };
+        let mut own: HashMap<&str, &ImportedLight> = HashMap::new();
         for l in imported {
             if names.insert(l.name.clone()) {
                 let light = punctual(l);
                 self.check_radiance(&light)?;
                 lights.push((light, from_file()));
             } else {
+                own.insert(&l.name, l);
+            }
+        }
+        let mut numbers = HashMap::new();
+        let mut emitters = Emitters::new(mesh, materials);
+        for l in &sidecar.lights {
+            let own = own.get(l.name.as_str()).copied();
+            if let (Some(own), Some(kind)) = (own, l.kind)
+                && !is_laid_over(kind, own)
+            {
                 let file = self.scene_path.display();
                 warnings.push(format!("{file}: light `{}` is replaced by that of the sidecar", l.name));
             }
-        }
-        let mut emitters = Emitters::new(mesh, materials);
-        for l in &sidecar.lights {
-            lights.push((self.light(l, &mut emitters, warnings)?, self.light_constraints(sidecar, l)?));
+            lights.push((self.light(l, own, &mut emitters, warnings)?, self.light_constraints(sidecar, l)?));
         }
         for m in emitters.unclaimed() {
             let Some(shape) = emitters.mesh_light(m) else { continue };
-            let name = unused_name(&materials[m].name, &names);
-            names.insert(name.clone());
+            let name = unused_name(&materials[m].name, &mut names, &mut numbers);
             let tint = materials[m].emission_tint();
             let light = Light {
                 name,
@@ -118,14 +129,15 @@ impl Source<'_> {
     }
 }
 
-/// A name for the light of a material: printable, and different from the names in use.
-fn unused_name(material: &str, used: &HashSet<String>) -> String {
+/// A name for the light of a material: printable, and different from the names in use, to which it is
+/// added. `numbers` are the last ones behind each name.
+fn unused_name(material: &str, used: &mut HashSet<String>, numbers: &mut HashMap<String, usize>) -> String {
     let printable = printable_name(material);
     let base = if printable.trim().is_empty() { "emitter".to_owned() } else { printable };
     let mut name = base.clone();
-    let mut n = 1;
-    while used.contains(&name) {
-        n += 1;
+    let n = numbers.entry(base.clone()).or_insert(1);
+    while !used.insert(name.clone()) {
+        *n += 1;
         name = format!("{base} {n}");
     }
     name

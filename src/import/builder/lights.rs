@@ -4,7 +4,11 @@
 //! [`LightType`](crate::import::sidecar::LightType): its keys in `keys_of`, its shape in
 //! `LightReader::shape`.
 
-use std::{f32::consts::FRAC_PI_2, path::Path, sync::Arc};
+use std::{
+    f32::consts::{FRAC_PI_2, PI},
+    path::Path,
+    sync::Arc,
+};
 
 use glam::Vec3;
 
@@ -18,8 +22,8 @@ use crate::{
         sidecar::{LightSpec, LightType},
     },
     light::{
-        Cone, Distant, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere, Surroundings,
-        look_frame,
+        Cone, Distant, Edge, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere,
+        Surroundings, look_frame,
     },
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
@@ -34,15 +38,15 @@ const DEFAULT_SOFTNESS: f32 = 0.2;
 /// The lights that have a size, in messages.
 const SIZED: &str = "a light with a size: a rectangle, disk or sphere, or a spot with a radius";
 
-/// The keys of `[[lights]]` that a light takes besides those that all lights take.
-fn keys_of(l: &LightSpec) -> &'static [&'static str] {
-    match l.kind {
+/// The keys of `[[lights]]` that a light of a type and a radius takes besides those that all lights take.
+fn keys_of(kind: LightType, radius: Option<f32>) -> &'static [&'static str] {
+    match kind {
         LightType::Rectangle => {
             &["position", "look_at", "up", "half_extents", "size", "size_range", "occludes"]
         }
         LightType::Disk => &["position", "look_at", "radius", "size", "size_range", "occludes"],
         LightType::Sphere => &["position", "radius", "size", "size_range", "occludes"],
-        LightType::Spot if l.radius == Some(0.0) => &["position", "look_at", "radius", "angle", "softness"],
+        LightType::Spot if radius == Some(0.0) => &["position", "look_at", "radius", "angle", "softness"],
         LightType::Spot => &["position", "look_at", "radius", "angle", "softness", "size", "size_range"],
         LightType::Point => &["position", "size"],
         LightType::Distant => &["position", "look_at"],
@@ -52,23 +56,27 @@ fn keys_of(l: &LightSpec) -> &'static [&'static str] {
 }
 
 impl Source<'_> {
-    /// Builds a light of the sidecar. A mesh light claims its material of the `emitters`.
+    /// Builds a light of the sidecar; `own` is that of the scene file of the same name. A mesh light
+    /// claims its material of the `emitters`.
     pub fn light(
         &self,
         spec: &LightSpec,
+        own: Option<&ImportedLight>,
         emitters: &mut Emitters,
         warnings: &mut Vec<String>,
     ) -> Result<Light, ImportError> {
-        let reader = LightReader { source: self, spec };
+        let reader = LightReader::new(self, spec, own)?;
         reader.check_keys()?;
         let (shape, emission) = reader.shape(emitters, warnings)?;
-        let color = spec.color.map(Rgb::from_array).or(emission).unwrap_or(Rgb::ONE);
+        let own = reader.own;
+        let color = spec.color.map(Rgb::from_array).or(emission).or(own.map(|l| l.color)).unwrap_or(Rgb::ONE);
         let y = luminance(color);
         if !(color.min_element() >= 0.0 && y > 0.0 && color.is_finite()) {
             return Err(reader.error("color", format!("channels must be >= 0 and not all 0, got {color}")));
         }
         let size = reader.positive("size", spec.size.unwrap_or(1.0))?;
-        let radiance = spec.radiance.unwrap_or_else(|| emission.map_or(1.0, luminance));
+        let radiance = spec.radiance.or(emission.map(luminance));
+        let radiance = radiance.or_else(|| reader.own_radiance(&shape)).unwrap_or(1.0);
         if !(0.0..=MAX_RADIANCE).contains(&radiance) {
             let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {radiance}");
             return Err(reader.error("radiance", message));
@@ -89,9 +97,31 @@ impl Source<'_> {
 struct LightReader<'a> {
     source: &'a Source<'a>,
     spec: &'a LightSpec,
+    kind: LightType,
+    /// The scene file's light of the same name, where the type can be laid over it.
+    own: Option<&'a ImportedLight>,
 }
 
-impl LightReader<'_> {
+impl<'a> LightReader<'a> {
+    fn new(
+        source: &'a Source<'a>,
+        spec: &'a LightSpec,
+        own: Option<&'a ImportedLight>,
+    ) -> Result<Self, ImportError> {
+        let of_file = own.map(|l| match l.kind {
+            Punctual::Point if spec.radius.is_some() => LightType::Sphere,
+            Punctual::Point => LightType::Point,
+            Punctual::Spot(_) => LightType::Spot,
+            Punctual::Directional => LightType::Distant,
+        });
+        let kind = spec.kind.or(of_file).ok_or_else(|| {
+            let file = source.scene_path.display();
+            let key = format!("lights.{}.type", spec.name);
+            source.error(key, format!("is missing, and {file} has no light of this name"))
+        })?;
+        Ok(Self { source, spec, kind, own: own.filter(|l| is_laid_over(kind, l)) })
+    }
+
     fn key(&self, key: &str) -> String {
         format!("lights.{}.{key}", self.spec.name)
     }
@@ -101,7 +131,7 @@ impl LightReader<'_> {
     }
 
     fn missing(&self, key: &str) -> ImportError {
-        self.error(key, format!("a {} light needs this key", self.spec.kind.keyword()))
+        self.error(key, format!("a {} light needs this key", self.kind.keyword()))
     }
 
     fn positive(&self, key: &str, value: f32) -> Result<f32, ImportError> {
@@ -111,7 +141,7 @@ impl LightReader<'_> {
     /// Checks that no key is given that the light's type does not have.
     fn check_keys(&self) -> Result<(), ImportError> {
         let l = self.spec;
-        let known = keys_of(l);
+        let known = keys_of(self.kind, self.radius_of_spot());
         for (key, is_given, owners) in [
             ("position", l.position.is_some(), "a rectangle, disk, sphere, spot, point or distant light"),
             ("up", l.up.is_some(), "a rectangle"),
@@ -143,7 +173,7 @@ impl LightReader<'_> {
         emitters: &mut Emitters,
         warnings: &mut Vec<String>,
     ) -> Result<(Shape, Option<Rgb>), ImportError> {
-        let shape = match self.spec.kind {
+        let shape = match self.kind {
             LightType::Rectangle => self.rectangle()?,
             LightType::Disk => {
                 let center = self.position()?;
@@ -161,8 +191,11 @@ impl LightReader<'_> {
     }
 
     fn position(&self) -> Result<Vec3, ImportError> {
-        let position = self.spec.position.ok_or_else(|| self.missing("position"))?;
-        self.source.point(&self.key("position"), position)
+        if let Some(position) = self.spec.position {
+            return self.source.point(&self.key("position"), position);
+        }
+        let own = self.own.filter(|l| l.kind != Punctual::Directional);
+        own.map(|l| l.position).ok_or_else(|| self.missing("position"))
     }
 
     fn radius(&self) -> Result<f32, ImportError> {
@@ -171,6 +204,10 @@ impl LightReader<'_> {
 
     /// Unit direction from `center` to `look_at`.
     fn direction(&self, center: Vec3) -> Result<Vec3, ImportError> {
+        let own = self.own.filter(|l| l.kind != Punctual::Point).map(|l| l.direction);
+        if let (None, Some(direction)) = (self.spec.look_at, own) {
+            return Ok(direction);
+        }
         let target = self.spec.look_at.ok_or_else(|| self.missing("look_at"))?;
         let target = self.source.point(&self.key("look_at"), target)?;
         (target - center).try_normalize().ok_or_else(|| {
@@ -201,20 +238,57 @@ impl LightReader<'_> {
 
     fn spot(&self) -> Result<Shape, ImportError> {
         let center = self.position()?;
-        let angle = self.spec.angle.ok_or_else(|| self.missing("angle"))?;
-        if !(angle > 0.0 && angle <= 90.0) {
-            return Err(self.error("angle", format!("must be in (0, 90] degrees, got {angle}")));
-        }
-        let softness = self.spec.softness.unwrap_or(DEFAULT_SOFTNESS);
-        let cone = cone(angle.to_radians(), self.source.fraction(&self.key("softness"), softness)?);
+        let cone = self.cone()?;
         if let Some(r) = self.spec.radius.filter(|&r| !(r >= 0.0 && r.is_finite())) {
             return Err(self.error("radius", format!("must be >= 0, got {r}")));
         }
-        if self.spec.radius == Some(0.0) {
+        if self.radius_of_spot() == Some(0.0) {
             return Ok(Shape::Point(Point { position: center, cone: Some((self.direction(center)?, cone)) }));
         }
         let outline = Outline::Disk { r: self.radius()? };
         self.planar(center, Vec3::Y, outline, Some(cone))
+    }
+
+    /// Radius at size 1 of a spot, metres: that of the scene file's light is 0.
+    fn radius_of_spot(&self) -> Option<f32> {
+        self.spec.radius.or(self.own.map(|_| 0.0))
+    }
+
+    /// The cone of a spot; angle and softness that are not given are those of the scene file's spot.
+    fn cone(&self) -> Result<Cone, ImportError> {
+        let own = self.own.and_then(|l| match l.kind {
+            Punctual::Spot(cone) => Some(cone),
+            Punctual::Point | Punctual::Directional => None,
+        });
+        let l = self.spec;
+        if let (None, None, Some(cone)) = (l.angle, l.softness, own) {
+            return Ok(cone);
+        }
+        let own_angle = own.map(|c| c.cos_outer.acos());
+        let own_softness = own.map(|c| 1.0 - c.cos_inner.acos() / c.cos_outer.acos());
+        let angle = l.angle.or(own_angle.map(f32::to_degrees)).ok_or_else(|| self.missing("angle"))?;
+        if !(angle > 0.0 && angle <= 90.0) {
+            return Err(self.error("angle", format!("must be in (0, 90] degrees, got {angle}")));
+        }
+        let softness = l.softness.or(own_softness).unwrap_or(DEFAULT_SOFTNESS);
+        let cone = cone(angle.to_radians(), self.source.fraction(&self.key("softness"), softness)?);
+        Ok(Cone { edge: own.map_or(cone.edge, |c| c.edge), ..cone })
+    }
+
+    /// Radiance per unit of colour with which a shape at size 1 sends as much ahead as the scene file's
+    /// light; `None` without that.
+    fn own_radiance(&self, shape: &Shape) -> Option<f32> {
+        let own = self.own?;
+        let area = match shape {
+            Shape::Point(_) | Shape::Distant(_) => 1.0,
+            Shape::Sphere(s) => PI * s.radius * s.radius,
+            Shape::Planar(p) => match p.outline {
+                Outline::Rectangle { a, b } => 4.0 * a * b,
+                Outline::Disk { r } => PI * r * r,
+            },
+            Shape::Environment(_) | Shape::Mesh(_) => return None,
+        };
+        Some(own.intensity * luminance(own.color) / area)
     }
 
     fn distant(&self) -> Result<Shape, ImportError> {
@@ -291,14 +365,22 @@ impl LightReader<'_> {
     }
 }
 
+/// Whether a light of the sidecar of a type takes what it does not say from a light of the scene file.
+pub fn is_laid_over(kind: LightType, own: &ImportedLight) -> bool {
+    match kind {
+        LightType::Distant => own.kind == Punctual::Directional,
+        LightType::Environment | LightType::Mesh => false,
+        LightType::Rectangle | LightType::Disk | LightType::Sphere | LightType::Spot | LightType::Point => {
+            own.kind != Punctual::Directional
+        }
+    }
+}
+
 /// The light that a punctual light of a scene file stands for.
 pub fn punctual(l: &ImportedLight) -> Light {
     let shape = match l.kind {
         Punctual::Point => Shape::Point(Point::isotropic(l.position)),
-        Punctual::Spot { inner, outer } => {
-            let cone = Cone { cos_inner: inner.cos(), cos_outer: outer.cos().max(0.0) };
-            Shape::Point(Point { position: l.position, cone: Some((l.direction, cone)) })
-        }
+        Punctual::Spot(cone) => Shape::Point(Point { position: l.position, cone: Some((l.direction, cone)) }),
         Punctual::Directional => distant(l.direction),
     };
     let y = luminance(l.color);
@@ -322,7 +404,7 @@ fn distant(direction: Vec3) -> Shape {
 /// A cone of half-angle `angle`, radians, of which the share `softness` is soft edge.
 fn cone(angle: f32, softness: f32) -> Cone {
     let cos = |a: f32| a.min(FRAC_PI_2).cos().max(0.0);
-    Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle) }
+    Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle), edge: Edge::Smooth }
 }
 
 /// An image of half the width and height, both even: means over 2 × 2 pixels.

@@ -1,5 +1,7 @@
 //! Materials of the scene file with the sidecar's overrides.
 
+use std::collections::HashSet;
+
 use super::source::Source;
 use crate::{
     import::{
@@ -17,8 +19,9 @@ impl Source<'_> {
         sidecar: &Sidecar,
         imported: Vec<(String, MaterialParams)>,
     ) -> Result<Vec<Material>, ImportError> {
+        let known: HashSet<&str> = imported.iter().map(|(n, _)| n.as_str()).collect();
         for name in sidecar.materials.keys() {
-            if !imported.iter().any(|(n, _)| n == name) {
+            if !known.contains(name.as_str()) {
                 let known = imported.iter().map(|(n, _)| n.as_str());
                 return Err(self.unknown_name("materials", name, known));
             }

@@ -1,5 +1,7 @@
 //! Selections by name or place: the main object and the background.
 
+use std::collections::HashSet;
+
 use glam::{DVec3, Vec3};
 
 use super::source::Source;
@@ -64,10 +66,10 @@ impl Source<'_> {
                 main_object.fill(true);
                 continue;
             }
-            for i in self.matches(key, pattern, names.iter().copied())? {
-                for (is_main, part) in main_object.iter_mut().zip(parts) {
-                    *is_main |= part.names().any(|n| n == names[i]);
-                }
+            let found = self.matches(key, pattern, names.iter().copied())?;
+            let found: HashSet<&str> = found.into_iter().map(|i| names[i]).collect();
+            for (is_main, part) in main_object.iter_mut().zip(parts) {
+                *is_main |= part.names().any(|n| found.contains(n));
             }
         }
         for pattern in &selection.materials {

@@ -3,18 +3,19 @@
 use glam::{Mat4, Vec3};
 use gltf_json::{Index, Node, camera::Type, validation::Checked};
 
-use super::{file::File, warnings::Warnings};
-use crate::import::{error::ImportError, imported::ImportedCamera};
+use super::file::File;
+use crate::import::{error::ImportError, imported::ImportedCamera, warnings::Warnings};
 
-/// The perspective cameras of a file, of which the first is used.
+/// The perspective cameras of a file.
 #[derive(Default)]
 pub struct Cameras {
-    first: Option<ImportedCamera>,
-    names: Vec<String>,
+    /// Names and cameras in the order of their nodes.
+    pub list: Vec<(String, ImportedCamera)>,
 }
 
 impl Cameras {
-    /// Reads the camera of the node at `key`; one that is not a perspective camera is left out.
+    /// Reads the camera of the node at `key`; one that is not a perspective camera is left out, and so is
+    /// one behind the first that cannot be used.
     ///
     /// # Errors
     /// When the camera does not exist, or the first perspective camera has no field of view or no
@@ -32,22 +33,15 @@ impl Cameras {
         let name = node.name.as_ref().or(json.name.as_ref());
         let name = name.cloned().unwrap_or_else(|| format!("camera {}", index.value()));
         let (Checked::Valid(Type::Perspective), Some(perspective)) = (&json.type_, &json.perspective) else {
-            warnings.add(format!("camera `{name}` is left out: it must be a perspective camera"));
+            warnings.about("camera", &name, "is left out: it must be a perspective camera".into());
             return Ok(());
         };
-        if self.first.is_none() {
-            self.first = Some(placed(file, key, index, perspective, world)?);
+        match placed(file, key, index, perspective, world) {
+            Ok(camera) => self.list.push((name, camera)),
+            Err(e) if self.list.is_empty() => return Err(e),
+            Err(e) => warnings.about("camera", &name, format!("is left out: {e}")),
         }
-        self.names.push(name);
         Ok(())
-    }
-
-    /// The camera that is used, with a warning where the file has several.
-    pub fn finish(self, warnings: &mut Warnings) -> Option<ImportedCamera> {
-        if let [first, _, ..] = &self.names[..] {
-            warnings.add(format!("of {} cameras `{first}` is taken, the first", self.names.len()));
-        }
-        self.first
     }
 }
 

@@ -20,6 +20,7 @@ use gltf_json::{
 use serde::de::IgnoredAny;
 use serde_json::value::RawValue;
 
+use super::animation::Animation;
 use crate::{
     files::reach::{MAX_SCENE_BYTES, Reach, ReachError},
     import::{
@@ -41,6 +42,10 @@ const KNOWN: [&str; 9] = [
     "KHR_xmp",
     "KHR_xmp_json_ld",
 ];
+
+/// Part of `asset.generator` in files of Blender: `Khronos glTF Blender I/O v4.2.60`, before Blender 2.80
+/// `Khronos Blender glTF 2.0 exporter`.
+const BLENDER: &str = "Blender";
 
 /// Extension of compressed meshes, which is not read but where a plain mesh stands beside it.
 pub const DRACO: &str = "KHR_draco_mesh_compression";
@@ -65,17 +70,27 @@ pub struct File {
     pub reach: Reach,
     /// What the file has asked for so far.
     pub budget: Budget,
+    /// The animations.
+    pub animations: Vec<Animation>,
+    /// Program that wrote the file, as it calls itself; empty where it does not.
+    generator: String,
+    /// Whether each material has the member `pbrMetallicRoughness`.
+    has_pbr: Vec<bool>,
     /// Bytes of each buffer; `None` where the file holds no data for one.
     buffers: Vec<Option<Arc<[u8]>>>,
 }
 
-/// The members that decide whether the rest can be understood.
+/// The members that decide whether the rest can be understood, and what it means.
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Head {
     asset: Asset,
     #[serde(default)]
     extensions_required: Vec<String>,
+    #[serde(default)]
+    materials: Vec<MaterialHead>,
+    #[serde(default)]
+    animations: Vec<Animation>,
 }
 
 /// The members in which a node's place is read as `f64`.
@@ -101,6 +116,14 @@ pub struct Place {
 #[derive(serde::Deserialize)]
 struct Asset {
     version: String,
+    generator: Option<String>,
+}
+
+/// What `gltf-json` does not tell from the default.
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct MaterialHead {
+    pbr_metallic_roughness: Option<IgnoredAny>,
 }
 
 impl File {
@@ -130,8 +153,17 @@ impl File {
         let places = serde_json::from_slice::<Places>(json).map_or_else(|_| Vec::new(), |p| p.nodes);
         let budget = Budget::default();
         budget.extend(bytes.len());
-        let mut file =
-            Self { path: path.into(), root, places, reach: reach.clone(), budget, buffers: Vec::new() };
+        let mut file = Self {
+            path: path.into(),
+            root,
+            places,
+            reach: reach.clone(),
+            budget,
+            animations: head.animations,
+            generator: head.asset.generator.unwrap_or_default(),
+            has_pbr: head.materials.iter().map(|m| m.pbr_metallic_roughness.is_some()).collect(),
+            buffers: Vec::new(),
+        };
         file.read_buffers(bin)?;
         Ok(file)
     }
@@ -169,6 +201,16 @@ impl File {
     /// The error of a key that asks for more than the budget.
     fn over(&self, key: &str) -> impl Fn(String) -> ImportError {
         move |message| self.error(key, message)
+    }
+
+    /// Whether Blender's exporter wrote the file.
+    pub fn is_of_blender(&self) -> bool {
+        self.generator.contains(BLENDER)
+    }
+
+    /// Whether the material of an index says what it is made of, by `pbrMetallicRoughness`.
+    pub fn has_pbr(&self, material: usize) -> bool {
+        self.has_pbr.get(material).copied().unwrap_or(false)
     }
 
     /// The error of a key of the file.

@@ -1,6 +1,6 @@
 //! Triangles of mesh primitives.
 
-use glam::{Mat3, Mat4, Vec2, Vec3};
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 use gltf_json::{
     Accessor, Index,
     mesh::{Mode, Primitive, Semantic},
@@ -11,16 +11,12 @@ use super::{
     file::{DRACO, File, not_read},
     material::Materials,
     texture::UvMapping,
-    warnings::Warnings,
 };
 use crate::{
-    import::error::ImportError,
+    import::{error::ImportError, warnings::Warnings},
     scene::mesh::{Mesh, face_normal, is_proper},
 };
 
-/// How far texture coordinates may leave the unit square without a warning that images repeat: a
-/// fiftieth of a texel of a 1024 image is rounding, a texel is not.
-const UV_TOLERANCE: f32 = 1e-3;
 /// Vertex colours from here on count as white: half a step of 8 bits is 0.002.
 const WHITE: f64 = 0.999;
 
@@ -39,6 +35,8 @@ pub struct PrimitiveMesh {
     positions: Vec<Vec3>,
     /// Unnormalised vertex normals; `None` for flat faces.
     normals: Option<Vec<Vec3>>,
+    /// Vertex tangents with their handedness; `None` where the texture coordinates decide.
+    tangents: Option<Vec<Vec4>>,
     /// Texture coordinates of the material's images, v up.
     uvs: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
@@ -133,6 +131,12 @@ impl Attributes<'_> {
         })
     }
 
+    /// Vertex tangents; without normals they do not count, glTF 2.0 section 3.7.2.1.
+    fn tangents(&self, has_normals: bool) -> Result<Option<Vec<Vec4>>, ImportError> {
+        let given = if has_normals { self.read::<4>(Semantic::Tangents, "TANGENT")? } else { None };
+        Ok(given.map(|list| list.into_iter().map(|t| Vec4::from_array(t.map(|v| v as f32))).collect()))
+    }
+
     /// Joints of each vertex with their positive weights, of all sets; empty without any.
     fn joint_weights(&self) -> Result<Vec<Vec<(usize, f32)>>, ImportError> {
         let mut out = Vec::new();
@@ -205,6 +209,7 @@ impl<'a> Geometry<'a> {
         let attributes = Attributes { file, key, primitive, n_vertices: positions.len() };
         let mut normals = attributes.read(Semantic::Normals, "NORMAL")?.map(vectors);
         attributes.morph(weights, &mut positions, normals.as_mut())?;
+        let tangents = attributes.tangents(normals.is_some())?;
         let triangles = attributes.triangles(mode)?;
         if triangles.is_empty() {
             return Ok(None);
@@ -216,7 +221,16 @@ impl<'a> Geometry<'a> {
             warnings.add(format!("{}: vertex colours are ignored", file.path.display()));
         }
         let is_strip = mode != Mode::Triangles;
-        Ok(Some(PrimitiveMesh { material, positions, normals, uvs, triangles, joint_weights, is_strip }))
+        Ok(Some(PrimitiveMesh {
+            material,
+            positions,
+            normals,
+            tangents,
+            uvs,
+            triangles,
+            joint_weights,
+            is_strip,
+        }))
     }
 
     /// Texture coordinates where the material's images lie, v up; zero where it has none.
@@ -230,13 +244,11 @@ impl<'a> Geometry<'a> {
         let Some(mapping) = self.materials.uv_mapping(material) else { return Ok(zero()) };
         let name = &self.materials.list[material as usize].0;
         let Some(uvs) = attributes.read::<2>(Semantic::TexCoords(mapping.set), "TEXCOORD")? else {
-            warnings.add(format!(
-                "material `{name}`: a mesh lacks TEXCOORD_{}, which its images need",
-                mapping.set
-            ));
+            let message = format!("a mesh lacks TEXCOORD_{}, which its images need", mapping.set);
+            warnings.about("material", name, message);
             return Ok(zero());
         };
-        Ok(mapped(&mapping, uvs, name, warnings))
+        Ok(mapped(&mapping, uvs))
     }
 
     /// Adds a primitive to the mesh as part `part`.
@@ -288,6 +300,11 @@ impl<'a> Geometry<'a> {
             mesh.positions.push(positions[i]);
             mesh.normals.push(normals[i]);
             mesh.uvs.push(primitive.uvs[i]);
+            if let Some(tangents) = &primitive.tangents {
+                // The vertices before have none.
+                mesh.tangents.resize(mesh.positions.len() - 1, Vec4::ZERO);
+                mesh.tangents.push(moved_tangent(world(i), tangents[i]));
+            }
         }
         for corners in triangles {
             let face = face_normal(corners.map(|i| positions[i])).normalize_or(Vec3::Y);
@@ -308,6 +325,14 @@ impl<'a> Geometry<'a> {
     }
 }
 
+/// A tangent with its handedness in world space, where a mirrored mesh has the other one; zero if it has
+/// no direction.
+fn moved_tangent(world: &Mat4, t: Vec4) -> Vec4 {
+    let mirror = Mat3::from_mat4(*world).determinant().signum();
+    let along = world.transform_vector3(t.truncate()).try_normalize();
+    along.filter(|_| t.w.is_finite()).map_or(Vec4::ZERO, |v| v.extend(t.w.signum() * mirror))
+}
+
 /// Vertex positions; `None` if the primitive has none.
 fn read_positions(file: &File, key: &str, primitive: &Primitive) -> Result<Option<Vec<Vec3>>, ImportError> {
     let Some(&accessor) = primitive.attributes.get(&Checked::Valid(Semantic::Positions)) else {
@@ -321,18 +346,12 @@ fn read_positions(file: &File, key: &str, primitive: &Primitive) -> Result<Optio
 }
 
 /// Texture coordinates of a file, v down, as those of a material's images, v up.
-fn mapped(mapping: &UvMapping, uvs: Vec<[f64; 2]>, material: &str, warnings: &mut Warnings) -> Vec<Vec2> {
+fn mapped(mapping: &UvMapping, uvs: Vec<[f64; 2]>) -> Vec<Vec2> {
     let mapped = uvs.into_iter().map(|uv| {
         let uv = mapping.apply(Vec2::from_array(uv.map(|v| v as f32)));
         if uv.is_finite() { uv } else { Vec2::ZERO }
     });
-    let uvs: Vec<Vec2> = mapped.collect();
-    let is_outside = |uv: &Vec2| (*uv - 0.5).abs().max_element() > 0.5 + UV_TOLERANCE;
-    if !mapping.repeats && uvs.iter().any(is_outside) {
-        warnings
-            .add(format!("material `{material}`: its images repeat; clamping and mirroring are not read"));
-    }
-    uvs.into_iter().map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect()
+    mapped.map(|uv| Vec2::new(uv.x, 1.0 - uv.y)).collect()
 }
 
 impl PrimitiveMesh {

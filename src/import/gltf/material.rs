@@ -14,14 +14,14 @@ use gltf_json::{
 use super::{
     file::File,
     texture::{MaterialContext, TextureRef, Textures, UvMapping},
-    warnings::{Warnings, unique},
 };
 use crate::{
-    import::error::ImportError,
+    import::{error::ImportError, imported::UniqueNames, sheets, warnings::Warnings},
     math::Rgb,
     scene::{
+        Mesh,
         material::{MaterialParams, Model, Relief},
-        texture::{Channel, Encoding, ScalarMap, Texture},
+        texture::{Channel, Encoding, ScalarMap},
     },
 };
 
@@ -51,6 +51,8 @@ pub struct Materials<'a> {
     /// Names and parameters of the materials in use.
     pub list: Vec<(String, MaterialParams)>,
     uv_mappings: Vec<Option<UvMapping>>,
+    /// Whether the file leaves open if a material in use is a body of glass or a sheet.
+    may_be_thin: Vec<bool>,
     textures: Textures<'a>,
     /// Unsupported extensions, with the materials that have them.
     ignored: BTreeMap<String, Vec<String>>,
@@ -59,11 +61,11 @@ pub struct Materials<'a> {
 impl<'a> Materials<'a> {
     /// The materials of `file`, none of them in use yet.
     pub fn new(file: &'a File) -> Self {
-        let mut names: Vec<String> = Vec::new();
+        let (mut names, mut unique) = (Vec::new(), UniqueNames::default());
         for (i, m) in file.root.materials.iter().enumerate() {
             let given = m.name.as_deref().map(str::trim).filter(|n| !n.is_empty());
             let name = given.map_or_else(|| format!("material_{i}"), str::to_owned);
-            names.push(unique(name, &names));
+            names.push(unique.take(name));
         }
         Self {
             file,
@@ -71,6 +73,7 @@ impl<'a> Materials<'a> {
             ids: HashMap::new(),
             list: Vec::new(),
             uv_mappings: Vec::new(),
+            may_be_thin: Vec::new(),
             textures: Textures::new(file),
             ignored: BTreeMap::new(),
         }
@@ -103,6 +106,8 @@ impl<'a> Materials<'a> {
         let id = self.list.len() as u32;
         self.list.push((name, params));
         self.uv_mappings.push(mapping);
+        let json = material.and_then(|m| self.file.root.materials.get(m.value()));
+        self.may_be_thin.push(json.is_some_and(|m| volume_of(m).is_none()));
         self.ids.insert(index, id);
         Ok(id)
     }
@@ -110,6 +115,19 @@ impl<'a> Materials<'a> {
     /// Mapping of the images of the material at a position in [`Self::list`]; `None` when it has none.
     pub fn uv_mapping(&self, id: u32) -> Option<UvMapping> {
         self.uv_mappings[id as usize]
+    }
+
+    /// Makes the glass of open surfaces thin where the file leaves it open, and says where a body of glass
+    /// loses its colour.
+    pub fn finish_glass(&mut self, mesh: &mut Mesh, warnings: &mut Warnings) {
+        let may_be_thin = std::mem::take(&mut self.may_be_thin);
+        sheets::make_thin(mesh, &mut self.list, |m| may_be_thin[m], |_, _| {}, warnings);
+        for (name, params) in &self.list {
+            let is_colored = params.base_color.min_element() < CLEAR || params.texture.is_some();
+            if params.model == Model::Dielectric && is_colored {
+                warnings.about("material", name, "the colour of its glass is ignored".into());
+            }
+        }
     }
 
     /// Warns of the extensions that were not read.
@@ -127,7 +145,11 @@ impl<'a> Materials<'a> {
             self.ignored.entry(extension.clone()).or_default().push(context.name.clone());
         }
         let mut out = self.metallic_roughness(&m.pbr_metallic_roughness, context)?;
-        if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
+        if self.is_dropped(m, context.index) {
+            out = MaterialParams::default();
+            let way = "Blender exports only its Principled BSDF; [materials] in the sidecar can say more";
+            context.warn(format_args!("its shader is lost in the file, taken as white diffuse: {way}"));
+        } else if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
             self.specular_glossiness(old, &mut out, context)?;
         } else if out.metallic == 1.0 && out.metallic_map.is_none() {
             out.model = Model::Conductor;
@@ -137,7 +159,7 @@ impl<'a> Materials<'a> {
         }
         match out.model {
             Model::Plastic => {}
-            Model::Diffuse | Model::Conductor | Model::Dielectric => {
+            Model::Diffuse | Model::Conductor | Model::Dielectric | Model::Thin => {
                 (out.metallic, out.metallic_map) = (0.0, None);
             }
         }
@@ -149,6 +171,17 @@ impl<'a> Materials<'a> {
         self.emission(m, &mut out, context)?;
         self.opacity(m, &mut out, context)?;
         Ok(out)
+    }
+
+    /// Whether Blender's exporter dropped the shader of a material: of other nodes than its principled one
+    /// it writes a bare name, with normals or emission at most. By the format that is a rough white metal.
+    fn is_dropped(&self, m: &Material, index: usize) -> bool {
+        let says_more = |e: &Extensions| {
+            e.pbr_specular_glossiness.is_some() || e.unlit.is_some() || e.transmission.is_some()
+        };
+        self.file.is_of_blender()
+            && !self.file.has_pbr(index)
+            && !m.extensions.as_ref().is_some_and(says_more)
     }
 
     fn metallic_roughness(
@@ -195,13 +228,29 @@ impl<'a> Materials<'a> {
             self.specular(specular, out, context)?;
         }
         if let Some(transmission) = &extensions.transmission {
-            transmit(transmission, out, context);
+            self.transmit(transmission, out, context);
         }
         if extensions.unlit.is_some() {
             out.model = Model::Diffuse;
             context.warn("is unlit, which is read as diffuse");
         }
         Ok(())
+    }
+
+    /// `KHR_materials_transmission`: clear glass from [`GLASS`] on. Without a volume it is thin by the format;
+    /// Blender writes none, and renders what is closed as a body.
+    fn transmit(&self, transmission: &Transmission, out: &mut MaterialParams, context: &mut MaterialContext) {
+        let share = transmission.transmission_factor.0;
+        if share >= GLASS {
+            let has_volume = self.file.root.materials.get(context.index).and_then(volume_of).is_some();
+            let is_body = has_volume || self.file.is_of_blender();
+            out.model = if is_body { Model::Dielectric } else { Model::Thin };
+            if share < 1.0 || transmission.transmission_texture.is_some() {
+                context.warn("is wholly glass, its transmission only partly");
+            }
+        } else if share > 0.0 {
+            context.warn(format_args!("its transmission below {GLASS} is ignored"));
+        }
     }
 
     /// `KHR_materials_specular`: the strength of the coat.
@@ -267,11 +316,7 @@ impl<'a> Materials<'a> {
                 return Err(self.file.error(key, "must be OPAQUE, MASK or BLEND"));
             }
         };
-        let varies = |t: &Texture| {
-            let [w, h] = t.size();
-            (0..h).any(|y| (0..w).any(|x| t.texel(x, y)[Channel::A as usize] < 1.0))
-        };
-        let texture = out.texture.clone().filter(|t| varies(t));
+        let texture = out.texture.clone().filter(|t| t.range()[0].w < 1.0);
         out.opacity_map = texture.map(|texture| ScalarMap { texture, channel: Channel::A });
         Ok(())
     }
@@ -312,18 +357,8 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// `KHR_materials_transmission`: clear glass from [`GLASS`] on.
-fn transmit(transmission: &Transmission, out: &mut MaterialParams, context: &mut MaterialContext) {
-    let share = transmission.transmission_factor.0;
-    if share >= GLASS {
-        out.model = Model::Dielectric;
-        if share < 1.0 || transmission.transmission_texture.is_some() {
-            context.warn("is wholly glass, its transmission only partly");
-        }
-        if out.base_color.min_element() < CLEAR || out.texture.is_some() {
-            context.warn("the colour of its glass is ignored");
-        }
-    } else if share > 0.0 {
-        context.warn(format_args!("its transmission below {GLASS} is ignored"));
-    }
+/// Thickness of the volume below a surface, `KHR_materials_volume`, in metres; `None` for a thin sheet.
+fn volume_of(m: &Material) -> Option<f64> {
+    let volume = m.extensions.as_ref()?.others.get("KHR_materials_volume")?;
+    volume["thicknessFactor"].as_f64().filter(|&t| t > 0.0)
 }

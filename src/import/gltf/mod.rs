@@ -7,14 +7,15 @@
 //! # References
 //! Khronos, *glTF 2.0 Specification*, and its registry of extensions.
 
+mod animation;
 mod camera;
+mod empty;
 mod file;
 mod geometry;
 mod light;
 mod material;
 mod nodes;
 mod texture;
-mod warnings;
 
 use std::{collections::HashMap, path::Path, sync::Arc};
 
@@ -25,11 +26,11 @@ use self::{
     file::File,
     geometry::{Geometry, Pose},
     nodes::SceneNode,
-    warnings::Warnings,
 };
 use super::{
     error::ImportError,
-    imported::{Imported, ImportedLight, Part},
+    imported::{Imported, ImportedLight, Part, UniqueNames},
+    warnings::Warnings,
 };
 use crate::{
     files::reach::Reach,
@@ -50,7 +51,9 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// Those of [`load`], and when the glTF names a file out of reach.
 pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> {
-    let file = File::read(path, reach)?;
+    let mut file = File::read(path, reach)?;
+    let mut warnings = Warnings::default();
+    animation::pose(&mut file, &mut warnings);
     let mut nodes = nodes::scene_nodes(&file)?;
     let origin = nodes::center(&file, &mut nodes)?;
     let mut reader = Reader {
@@ -63,7 +66,8 @@ pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> 
         cameras: Cameras::default(),
         lights: Vec::new(),
         origin,
-        warnings: Warnings::default(),
+        light_names: UniqueNames::default(),
+        warnings,
     };
     for (i, _) in nodes.iter().enumerate().filter(|(_, n)| n.is_visible) {
         reader.read_node(i)?;
@@ -84,6 +88,7 @@ struct Reader<'a> {
     lights: Vec<ImportedLight>,
     /// Place of the scene's origin in the file's coordinates.
     origin: DVec3,
+    light_names: UniqueNames,
     warnings: Warnings,
 }
 
@@ -95,7 +100,8 @@ impl Reader<'_> {
         let node = &file.root.nodes[index];
         let key = format!("nodes[{index}]");
         self.cameras.read(file, &key, node, &world, &mut self.warnings)?;
-        light::read(file, &key, node, &world, &mut self.lights, &mut self.warnings)?;
+        let light = light::read(file, &key, node, &world, &mut self.light_names, &mut self.warnings)?;
+        self.lights.extend(light);
         let Some(mesh_index) = node.mesh else { return Ok(()) };
         let mesh = file.get(&format!("{key}.mesh"), mesh_index)?;
         let poses: Vec<Pose> = match node.skin {
@@ -127,9 +133,9 @@ impl Reader<'_> {
     }
 
     fn finish(self) -> Result<Imported, ImportError> {
-        let Geometry { mut materials, mesh, n_degenerate, .. } = self.geometry;
+        let Geometry { mut materials, mut mesh, n_degenerate, .. } = self.geometry;
         let mut warnings = self.warnings;
-        let camera = self.cameras.finish(&mut warnings);
+        let cameras = self.cameras.list;
         let path = &self.file.path;
         match n_degenerate {
             0 => {}
@@ -137,9 +143,11 @@ impl Reader<'_> {
             n => warnings.add(format!("{}: left out {n} degenerate triangles", path.display())),
         }
         materials.report_ignored(&mut warnings);
+        empty::report(self.file, self.nodes, &mut warnings);
         if mesh.indices.is_empty() {
             return Err(ImportError::NoTriangles { path: path.clone(), n_degenerate });
         }
+        materials.finish_glass(&mut mesh, &mut warnings);
         let in_use = materials.list.iter_mut().flat_map(|(_, p)| p.textures_mut());
         let mut textures: Vec<&mut Arc<Texture>> = in_use.collect();
         for warning in scene_texture::fit(&mut textures, scene_texture::TEXTURE_BUDGET) {
@@ -151,7 +159,8 @@ impl Reader<'_> {
             parts: self.parts,
             materials: materials.list,
             warnings: warnings.into_lines(),
-            camera,
+            camera: cameras.first().map(|c| c.1),
+            cameras,
             lights: self.lights,
         })
     }

@@ -11,11 +11,11 @@ use gltf_json::{
     validation::Checked,
 };
 
-use super::{file::File, warnings::Warnings};
+use super::file::File;
 use crate::{
     files::reach::MAX_PICTURE_BYTES,
-    import::error::ImportError,
-    scene::texture::{Encoding, Texture, TextureLoader},
+    import::{error::ImportError, warnings::Warnings},
+    scene::texture::{Encoding, Texture, TextureLoader, Wrap},
 };
 
 /// Mapping from a mesh's texture coordinates to those of an image, both with v down:
@@ -28,8 +28,6 @@ pub struct UvMapping {
     /// Rotation in the image, counter-clockwise, radians.
     rotation: f32,
     scale: Vec2,
-    /// Whether the image repeats outside the unit square; otherwise it is clamped or mirrored.
-    pub repeats: bool,
 }
 
 impl UvMapping {
@@ -60,7 +58,7 @@ impl<'w> MaterialContext<'w> {
 
     /// Adds a warning that names the material.
     pub fn warn(&mut self, message: impl std::fmt::Display) {
-        self.warnings.add(format!("material `{}`: {message}", self.name));
+        self.warnings.about("material", &self.name, message.to_string());
     }
 }
 
@@ -87,14 +85,13 @@ impl<'a> TextureRef<'a> {
         Self { index: normal.index, set: normal.tex_coord, transform, key }
     }
 
-    fn mapping(&self, wraps: [WrappingMode; 2]) -> UvMapping {
+    fn mapping(&self) -> UvMapping {
         let t = self.transform.clone().unwrap_or_default();
         UvMapping {
             set: t.tex_coord.unwrap_or(self.set),
             offset: t.offset.0.into(),
             rotation: t.rotation.0,
             scale: t.scale.0.into(),
-            repeats: wraps == [WrappingMode::Repeat; 2],
         }
     }
 }
@@ -125,11 +122,9 @@ impl<'a> Textures<'a> {
     ) -> Result<Arc<Texture>, ImportError> {
         let key = format!("materials[{}].{}", material.index, reference.key);
         let texture = self.file.get(&key, reference.index)?;
-        let mapping = reference.mapping(self.wrapping(reference.index, texture)?);
-        let first = material.mapping.get_or_insert(mapping);
-        let differs = UvMapping { repeats: first.repeats, ..mapping } != *first;
-        first.repeats &= mapping.repeats;
-        if differs {
+        let wrap = self.wrap(reference.index, texture)?;
+        let mapping = reference.mapping();
+        if *material.mapping.get_or_insert(mapping) != mapping {
             material.warn(format_args!(
                 "`{}` is laid out as the first of its images, not by its own coordinates",
                 reference.key
@@ -138,27 +133,27 @@ impl<'a> Textures<'a> {
         let key = format!("textures[{}].source", reference.index.value());
         let source = source(texture)
             .ok_or_else(|| self.file.error(&key, "is missing: it must be a PNG, JPEG or WebP image"))?;
-        if let Some(texture) = self.read.get(&(source.value(), encoding)) {
-            return Ok(texture.clone());
-        }
-        let role = format!("`{}` of material `{}`", reference.key, material.name);
-        let texture = Arc::new(self.load(&key, source, encoding, &role)?);
-        self.loader.notes.drain(..).for_each(|note| material.warnings.add(note));
-        self.read.insert((source.value(), encoding), texture.clone());
-        Ok(texture)
+        let image = match self.read.get(&(source.value(), encoding)) {
+            Some(image) => image.clone(),
+            None => {
+                let role = format!("`{}` of material `{}`", reference.key, material.name);
+                let image = Arc::new(self.load(&key, source, encoding, &role)?);
+                self.loader.notes.drain(..).for_each(|note| material.warnings.add(note));
+                self.read.insert((source.value(), encoding), image.clone());
+                image
+            }
+        };
+        Ok(if image.wrap() == wrap { image } else { Arc::new(image.wrapped(wrap)) })
     }
 
-    /// Wrapping modes across and down; images repeat where the file does not say.
-    fn wrapping(
-        &self,
-        index: Index<TextureJson>,
-        texture: &TextureJson,
-    ) -> Result<[WrappingMode; 2], ImportError> {
-        let Some(sampler) = texture.sampler else { return Ok([WrappingMode::Repeat; 2]) };
+    /// What lies beyond the edges across and down; images repeat where the file does not say.
+    fn wrap(&self, index: Index<TextureJson>, texture: &TextureJson) -> Result<[Wrap; 2], ImportError> {
+        let Some(sampler) = texture.sampler else { return Ok([Wrap::Repeat; 2]) };
         let sampler = self.file.get(&format!("textures[{}].sampler", index.value()), sampler)?;
         Ok([&sampler.wrap_s, &sampler.wrap_t].map(|w| match w {
-            Checked::Valid(w) => *w,
-            Checked::Invalid => WrappingMode::Repeat,
+            Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+            Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+            Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
         }))
     }
 
@@ -222,7 +217,6 @@ mod tests {
             offset: Vec2::new(0.5, 0.25),
             rotation: std::f32::consts::FRAC_PI_2,
             scale: Vec2::new(2.0, 3.0),
-            repeats: true,
         };
         // A quarter turn counter-clockwise, v down: right becomes up, down becomes right.
         assert!((mapping.apply(Vec2::X) - Vec2::new(0.5, -1.75)).length() < 1e-6);

@@ -7,7 +7,7 @@ use std::{
 
 use glam::Affine2;
 
-use super::{Encoding, Extent, Image, TEXTURE_BUDGET, Texture, fitting};
+use super::{Encoding, Extent, Image, TEXTURE_BUDGET, Texture, Wrap, fitting};
 use crate::picture::{
     Alpha, Fault, Picture, PictureError, Purpose, Reading, Samples, Transfer,
     budget::{self, SizeError},
@@ -94,7 +94,7 @@ impl TextureLoader {
             image = Image::halved_to(image, to.size);
             self.notes.push(image.reduction(size, TEXTURE_BUDGET));
         }
-        Ok(Texture { image, transform: Affine2::IDENTITY })
+        Ok(Texture { image, transform: Affine2::IDENTITY, wrap: [Wrap::Repeat; 2] })
     }
 }
 

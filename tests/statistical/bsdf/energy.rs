@@ -5,9 +5,10 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic,
+        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, Thin,
         TransportMode::{Importance, Radiance},
         microfacet::Ggx,
+        thin::average_reflectance,
     },
     math::{
         Rgb,
@@ -17,7 +18,7 @@ use lightopt_embree::{
 
 use super::{
     ANY_COAT, ANY_FACETS, COATS, ETA, MODES, blend, coat, delta_lobes, direction, directions,
-    directions_of_glass, glass, keep, metal, partition, point,
+    directions_of_glass, glass, keep, metal, partition, point, thin,
 };
 use crate::support::{quadrature::integrate_1d, random::Random};
 
@@ -182,6 +183,24 @@ fn clear_glass_loses_nothing_at_any_roughness() {
         }
     }
     println!("worst {worst:.5?}");
+}
+
+#[test]
+fn clear_sheets_lose_nothing_at_any_roughness() {
+    for alpha in [0.03, 0.2, 1.0] {
+        for wo in COSINES.map(at_cosine).into_iter().flat_map(|w| [w, -w]) {
+            let [energy, _] = integrated_albedo(&thin(alpha, Rgb::ONE), wo);
+            assert_white(&format!("sheet, alpha {alpha}"), wo, energy);
+        }
+    }
+    // A smooth one in two directions alone.
+    let average = average_reflectance(ETA);
+    let smooth = Bsdf::Thin(Thin { eta: ETA, average, tint: Rgb::ONE, facets: None });
+    for wo in COSINES.map(at_cosine) {
+        let lobes = delta_lobes(&smooth, wo, Importance);
+        assert_eq!(lobes.len(), 2);
+        assert!((lobes.iter().map(|l| l.0).sum::<f64>() - 1.0).abs() < 1e-6, "{wo}");
+    }
 }
 
 #[test]
