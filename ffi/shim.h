@@ -13,7 +13,8 @@
 /* A device and the one scene in it. Immutable, hence shareable, once committed. */
 typedef struct lo_accel lo_accel;
 
-/* The parameters are in units of |dir|: hits with t_near < t <= t_far count. */
+/* The parameters are in units of |dir|: hits with t_near <= t <= t_far count,
+ * one at t = 0 too: a ray must start clear of its own surface. */
 typedef struct lo_ray {
   float org[3];
   float dir[3];

@@ -80,14 +80,14 @@ pub struct TriangleMesh<'a> {
     pub indices: &'a [[u32; 3]],
 }
 
-/// The part `t_min < t <= t_max` of the half-line `org + t dir`.
+/// The part `t_min <= t <= t_max` of the half-line `org + t dir`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Origin, m.
     pub org: Vec3,
     /// Direction, of any length.
     pub dir: Vec3,
-    /// Start, exclusive; negative values count as 0.
+    /// Start, inclusive: a ray that starts on a triangle meets it at 0; negative values count as 0.
     pub t_min: f32,
     /// End, inclusive; may be infinite.
     pub t_max: f32,
