@@ -63,7 +63,8 @@ pub fn take_up<A: Args>(
 }
 
 /// Ends a command that has come to its end with `result`: what is done leaves no record and no products, nor
-/// does what failed before it made any; of the rest the user is told how to go on with it.
+/// does what failed before it made any or would fail again; of the rest the user is told how to go on with
+/// it.
 ///
 /// # Errors
 /// `result`, or when the products cannot be removed.
@@ -76,7 +77,8 @@ pub fn end<T>(
     let is_done = match &result {
         _ if signals::received() => false,
         Ok(_) => true,
-        Err(_) => unfinished.is_empty(),
+        // What does not fit on a disk may fit another time; any other error would come again.
+        Err(e) => unfinished.is_empty() || !e.chain().any(|cause| cause.is::<io::Error>()),
     };
     if is_done {
         unfinished.end()?;

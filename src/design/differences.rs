@@ -65,6 +65,9 @@ const REPORTED_REPLICATES: u32 = 8;
 /// Samples of a render whose f_q is reported, over those of a working render: four times as many halve its
 /// error, for two renders of some two hundred.
 const REPORTED_FACTOR: u32 = 4;
+/// Samples of a working picture whose check fits into the time that an interrupted run has left: those of its
+/// check, [`REPORTED_FACTOR`] times as many, take half a second on two processors.
+const INTERRUPTED_SAMPLES: u32 = 1 << 17;
 /// Kind of a value of f_q.
 const VALUE: &str = "value";
 /// Samples per pixel of the survey. Bounds and starts follow from means over the picture, which converge
@@ -123,7 +126,12 @@ pub(super) fn find(
     let mut search =
         DifferenceSearch { setup, task, renders, reporter, spp, step, evaluations, iterations, best };
     let (u, stop) = search.descend()?;
-    let (spp, evaluations) = (search.spp, search.evaluations);
+    let evaluations = search.evaluations;
+    let n_pixels = setup.options.work_size.element_product();
+    let spp = match stop {
+        StopReason::Interrupted => search.spp.min(INTERRUPTED_SAMPLES / n_pixels).max(2),
+        _ => search.spp,
+    };
     let what = (Purpose::Check, "checking the result with new samples");
     let check = measure(task, setup, &u, spp, what, reporter)?;
     *renders += 2;

@@ -16,14 +16,16 @@ pub enum UpAxis {
     Z,
 }
 
-/// A point of the file in metres, y up.
+/// A point of the file in metres, y up. The `scale` is the decimal number that it was read from: of a number
+/// far from the origin its rounding to `f32` would be centimetres.
 #[must_use]
 pub fn point_to_metres_y_up(p: DVec3, scale: f32, up: UpAxis) -> DVec3 {
     let rotated = match up {
         UpAxis::Y => p,
         UpAxis::Z => DVec3::new(p.x, p.z, -p.y),
     };
-    rotated * f64::from(scale)
+    // The shortest decimal that rounds to an f32 is what people wrote.
+    rotated * scale.to_string().parse().unwrap_or(f64::from(scale))
 }
 
 /// Scales a mesh by `scale`, metres per unit of the file, and rotates it such that `up` becomes +y.

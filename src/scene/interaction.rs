@@ -68,11 +68,10 @@ impl SurfaceInteraction<'_> {
     /// whichever end of the path it belongs to: so no light passes an opaque surface, and both modes of
     /// transport agree.
     fn is_consistent(&self, to_camera: Vec3, to_light: Vec3, frame: &Frame) -> bool {
-        let seen = frame.n.dot(to_camera);
-        self.untilted.is_none_or(|n| {
-            n.dot(to_camera) * seen > 0.0 && n.dot(to_light) * self.frame.n.dot(to_light) > 0.0
-        }) && (self.bsdf.transmits()
-            || self.ng.dot(to_camera) * seen > 0.0 && self.ng.dot(to_light) * frame.n.dot(to_light) > 0.0)
+        let agree = |w: Vec3, a: Vec3, b: Vec3| a.dot(w) * b.dot(w) > 0.0;
+        let both = |a: Vec3, b: Vec3| agree(to_camera, a, b) && agree(to_light, a, b);
+        self.untilted.is_none_or(|n| both(n, self.frame.n))
+            && (self.bsdf.transmits() || both(self.ng, frame.n))
     }
 
     /// BSDF without cosine and densities, in a frame.

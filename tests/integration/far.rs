@@ -107,12 +107,12 @@ fn a_staged_far_room_is_written_in_the_coordinates_of_its_file() {
 #[test]
 fn an_export_says_where_its_origin_lies() {
     let room = Room::with(&moved_obj(1.0), MTL, &moved_toml());
-    room.succeed(&["export", "room.obj", "-o", "out"]);
+    room.succeed(&["export", "--format", "mitsuba", "room.obj", "-o", "out"]);
     let xml = std::fs::read_to_string(room.path("out/scene.xml")).unwrap();
     let origin = load(&room).origin;
     let said = format!("Add ({}, {}, {})", origin.x, origin.y, origin.z);
     assert!(xml.contains(&said), "{xml}");
     let near = Room::new();
-    near.succeed(&["export", "room.obj", "-o", "out"]);
+    near.succeed(&["export", "--format", "mitsuba", "room.obj", "-o", "out"]);
     assert!(!std::fs::read_to_string(near.path("out/scene.xml")).unwrap().contains("Add ("));
 }

@@ -547,7 +547,7 @@ mod signals {
             image::open(directory.join(name)).unwrap();
         }
         let error = room.fail_at_once(&quick(&["--out", "a"]));
-        assert!(error.contains("a run is recorded here already"), "{error}");
+        assert!(error.contains("go on with --resume a, or replace it with --force"), "{error}");
         room.succeed(&quick(&["--out", "a", "--force"]));
         assert!(names(&directory).iter().all(|n| !n.ends_with(".tmp")));
     }

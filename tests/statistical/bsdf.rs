@@ -222,7 +222,9 @@ fn draw(case: &Case, wo: Vec3, mode: TransportMode, partition: &Partition, rando
                 if i % 16 == 0 {
                     let e = bsdf.evaluate(wo, s.wi, mode);
                     assert_eq!((s.f, s.pdf, s.pdf_rev), (e.value, e.pdf, e.pdf_rev), "{name} {wo} {mode:?}");
-                    assert_eq!(s.pdf_rev, bsdf.pdf(s.wi, wo), "{name} {wo} {mode:?}");
+                    // Half vectors of exchanged directions may round apart.
+                    let reverse = bsdf.pdf(s.wi, wo).0;
+                    assert!((s.pdf_rev.0 - reverse).abs() <= 1e-6 * reverse, "{name} {wo} {mode:?}");
                 }
                 assert!(s.pdf.0 > 0.0 && (s.wi.length() - 1.0).abs() < 1e-5);
                 out.counts.cells[partition.find(locate(s.wi))] += 1;

@@ -71,6 +71,10 @@ fn cross_lights<const N: usize>(
         let dist2 = light.distance2(c.at.p, from.p);
         let cos = c.at.n.dot(walk.dir);
         let p_hit = f64::from(walk.pdf.to_area(dist2, cos).0);
+        // The silhouette of a sphere, touched to a rounding: all densities are 0, their ratios no numbers.
+        if p_hit == 0.0 {
+            return;
+        }
         let p_nee = pmf * f64::from(sampled.pdf_li(from.p, &c.at).to_area(dist2, cos).0);
         let (origin, emission) = sampled.pdf_le(&c.at, -walk.dir);
         let partial = walk.partial(h, dist2);
