@@ -10,7 +10,10 @@ use anyhow::{Context, bail};
 use clap::{Args, Command as Parser};
 
 use super::signals;
-use crate::audit::unfinished::{Command, Unfinished};
+use crate::{
+    audit::unfinished::{Command, Unfinished},
+    files::atomic::sweep,
+};
 
 /// Index of the first argument after the program's name and the subcommand's.
 const FIRST: usize = 2;
@@ -40,6 +43,7 @@ pub fn take_up<A: Args>(
     // Seen from elsewhere the path would lead elsewhere.
     let directory = env::current_dir().context("cannot tell the current directory")?.join(directory);
     let (unfinished, command) = Unfinished::take_up(&directory)?;
+    sweep(place, |_| true);
     let begun_in = &command.directory;
     env::set_current_dir(begun_in)
         .with_context(|| format!("{}: it was begun in {}", place.display(), begun_in.display()))?;

@@ -48,6 +48,10 @@ impl SurfaceInteraction<'_> {
     /// The shading frame bent for a camera subpath that leaves along `to_camera` ([`lean`]); `None` where
     /// it need not be.
     fn bent(&self, to_camera: Vec3) -> Option<Frame> {
+        // A relief is left as it is: a slope of it that leans away from the viewer is dark.
+        if self.untilted.is_some() {
+            return None;
+        }
         // A surface seen from behind is turned over as a whole.
         let side = 1.0_f32.copysign(self.ng.dot(to_camera));
         let reflects = !matches!(self.bsdf, Bsdf::Diffuse(_));

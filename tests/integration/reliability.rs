@@ -83,7 +83,7 @@ const STAGES: [(&[&str], &str); 7] = [
     (&["--work-size", "160x120", "--spp", "65536"], "survey"),
     (&["--work-size", "160x120", "--spp", "65536"], "rendering the transport basis"),
     (&["--work-size", "320x240", "--spp", "4", "--tolerance", "0.0001"], "searching the basis"),
-    (&["--work-size", "32x24", "--tolerance", "0.00001"], "checking the result"),
+    (&["--work-size", "64x48", "--spp", "1024", "--tolerance", "0.5"], "checking the result"),
     (&["--work-size", "32x24", "--tolerance", "0.5", "--size", "2048x1536"], "initial picture"),
     (&["--gradient", "fd", "--spp", "4096", "--work-size", "320x240"], "measuring the start"),
     (&["--gradient", "fd", "--spp", "4096", "--work-size", "64x48"], "optimising"),

@@ -378,7 +378,7 @@ def is_glass(element):
 
 
 def bend(parent):
-    """Bends the normals of all models below an element, each mixture's as a whole."""
+    """Bends the normals of all models below an element, each mixture's as a whole; a relief's are left."""
     for i, element in enumerate(list(parent)):
         if element.tag == "bsdf" and element.get("type") not in (*CARRIERS, "null"):
             outer = ElementTree.Element("bsdf", type="bent")
@@ -388,7 +388,7 @@ def bend(parent):
             ElementTree.SubElement(outer, "boolean", name="transmits", value=transmits)
             outer.append(element)
             parent[i] = outer
-        else:
+        elif element.get("type") not in ("normalmap", "bumpmap"):
             bend(element)
 
 

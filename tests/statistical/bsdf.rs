@@ -222,9 +222,10 @@ fn draw(case: &Case, wo: Vec3, mode: TransportMode, partition: &Partition, rando
                 if i % 16 == 0 {
                     let e = bsdf.evaluate(wo, s.wi, mode);
                     assert_eq!((s.f, s.pdf, s.pdf_rev), (e.value, e.pdf, e.pdf_rev), "{name} {wo} {mode:?}");
-                    // Half vectors of exchanged directions may round apart.
+                    // Half vectors of exchanged directions round apart; a lobe of slope .03 has a thousand
+                    // times that.
                     let reverse = bsdf.pdf(s.wi, wo).0;
-                    assert!((s.pdf_rev.0 - reverse).abs() <= 1e-6 * reverse, "{name} {wo} {mode:?}");
+                    assert!((s.pdf_rev.0 - reverse).abs() <= 1e-4 * reverse, "{name} {wo} {mode:?}");
                 }
                 assert!(s.pdf.0 > 0.0 && (s.wi.length() - 1.0).abs() < 1e-5);
                 out.counts.cells[partition.find(locate(s.wi))] += 1;
