@@ -293,10 +293,10 @@ mod tests {
                 let at = |k: u32| ((i * 7 + 1) as f32 * 0.618 * k as f32).fract() * 12.0 - 6.0;
                 let p = Vec3::new(at(1), at(3), at(5));
                 let is_hidden = !c.may_see(&[p]);
-                let on_lens = (0..16).map(|k| (k as f32 * 0.393).sin_cos()).map(|(sin, cos)| {
+                let mut on_lens = (0..16).map(|k| (k as f32 * 0.393).sin_cos()).map(|(sin, cos)| {
                     c.position + (c.right * cos + c.up * sin) * c.lens().map_or(0.0, |l| l.radius)
                 });
-                let is_seen = on_lens.map(|o| c.sample_wi(o, p).is_some()).any(|seen| seen);
+                let is_seen = on_lens.any(|o| c.sample_wi(o, p).is_some());
                 assert!(!(is_hidden && is_seen), "{p}");
                 n_hidden += usize::from(is_hidden);
                 n_seen += usize::from(is_seen);

@@ -171,7 +171,8 @@ fn radiance_rows_may_run_in_every_order() {
 
 #[test]
 fn tiff_samples_of_every_kind_are_read_as_they_are_meant() {
-    let write = |write: &dyn Fn(&mut TiffEncoder<&mut Cursor<Vec<u8>>>)| {
+    type Encoder<'a> = TiffEncoder<&'a mut Cursor<Vec<u8>>>;
+    let write = |write: &dyn Fn(&mut Encoder)| {
         let mut bytes = Cursor::new(Vec::new());
         write(&mut TiffEncoder::new(&mut bytes).unwrap());
         read(bytes.get_ref()).over_black(0)

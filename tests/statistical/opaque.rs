@@ -20,9 +20,12 @@ use crate::support::{
 /// Width and height of the pictures, pixels.
 const SIZE: u32 = 24;
 
+/// A surface: its name, and what adds it to the shapes of a scene.
+type Surface = (&'static str, fn(&mut Shapes));
+
 /// Closed opaque surfaces around a lamp, all seen from outside with a floor and a wall that would show
 /// what comes out: name, surface, and whether it is moved somewhere where no coordinate is exact.
-const CLOSED: [(&str, fn(&mut Shapes)); 6] = [
+const CLOSED: [Surface; 6] = [
     ("flat box", |s| {
         s.cuboid(Vec3::splat(-0.35), Vec3::splat(0.35), false, 0);
     }),
@@ -151,7 +154,6 @@ fn leaks(scene: &Scene, spp: u32) -> [u64; 2] {
             })
             .map(|thread| thread.join().unwrap())
     })
-    .into()
 }
 
 /// A lamp in every closed surface, at the origin and moved: asserts that nothing of `n_paths` paths in all
