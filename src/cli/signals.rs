@@ -30,7 +30,7 @@ static RECEIVED: AtomicI32 = AtomicI32::new(0);
 static IN_ORDER: OnceLock<&'static str> = OnceLock::new();
 
 /// Makes SIGINT (Ctrl-C), SIGTERM and SIGHUP end the program with the exit status 128 and their number:
-/// at once or, after [`end_in_order`], as that says. Files are whole in any case: they take their names
+/// at once or, after `end_in_order`, as that says. Files are whole in any case: they take their names
 /// when they are. A SIGHUP that was ignored at the start, as by `nohup`, stays so. A file that grows
 /// beyond a limit of its size is an error like a full disk, and no signal.
 ///

@@ -8,7 +8,7 @@
 use std::cell::Cell;
 
 /// Memory that reading the smallest scene file may take, bytes: 2 GiB. [`MAX_OBJECTS`] take up to 1 GiB, the
-/// triangles of [`MIN_TRIANGLES`] 116 bytes each, 1 GiB.
+/// triangles of `MIN_TRIANGLES` 116 bytes each, 1 GiB.
 pub const MEMORY_BASE: u64 = 1 << 31;
 /// Memory that reading a scene file may take for every byte of it and of its buffers, bytes: what is read
 /// from JSON is up to 100 times as large, and of 1 triangle a byte 116 bytes are kept while vertices of

@@ -13,7 +13,7 @@ use crate::{
 pub struct SurfaceInteraction<'a> {
     /// Position, metres.
     pub p: Vec3,
-    /// Height above the triangle from which on a ray is clear of it, metres: see [`clearance_at`].
+    /// Height above the triangle from which on a ray is clear of it, metres: see `clearance_at`.
     pub clearance: f32,
     /// Unit geometric normal, in the hemisphere of the shading normal.
     pub ng: Vec3,
