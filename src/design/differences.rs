@@ -66,8 +66,8 @@ const REPORTED_REPLICATES: u32 = 8;
 /// error, for two renders of some two hundred.
 const REPORTED_FACTOR: u32 = 4;
 /// Samples of a working picture whose check fits into the time that an interrupted run has left: those of its
-/// check, [`REPORTED_FACTOR`] times as many, take half a second on two processors.
-const INTERRUPTED_SAMPLES: u32 = 1 << 17;
+/// check, [`REPORTED_FACTOR`] times as many, take an eighth of a second on two processors.
+const INTERRUPTED_SAMPLES: u32 = 1 << 15;
 /// Kind of a value of f_q.
 const VALUE: &str = "value";
 /// Samples per pixel of the survey. Bounds and starts follow from means over the picture, which converge
