@@ -85,8 +85,8 @@ const STAGES: [(&[&str], &str); 7] = [
     (&["--work-size", "320x240", "--spp", "4", "--tolerance", "0.0001"], "searching the basis"),
     (&["--work-size", "64x48", "--spp", "1024", "--tolerance", "0.5"], "checking the result"),
     (&["--work-size", "32x24", "--tolerance", "0.5", "--size", "2048x1536"], "initial picture"),
-    (&["--gradient", "fd", "--spp", "4096", "--work-size", "320x240"], "measuring the start"),
-    (&["--gradient", "fd", "--spp", "4096", "--work-size", "64x48"], "optimising"),
+    (&["--gradient", "fd", "--spp", "4096", "--work-size", "64x48"], "measuring the start"),
+    (&["--gradient", "fd", "--spp", "128", "--work-size", "64x48"], "optimising"),
 ];
 
 #[test]
