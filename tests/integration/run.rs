@@ -473,7 +473,7 @@ mod signals {
             .current_dir(room.directory.path())
             .args(["run", "room.obj", "--out", "a", "--json", "--max-evaluations", "1000"])
             .args(["--gradient", gradient, "--tolerance", "1e-6"])
-            .args(["--work-size", "48x36", "--spp", "64", "--size", "24x18", "--final-spp", "4"])
+            .args(["--work-size", "48x36", "--spp", "16", "--size", "24x18", "--final-spp", "4"])
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -497,7 +497,6 @@ mod signals {
     fn an_interrupted_run_keeps_the_best_so_far() {
         // While the starts are compared, and while it optimises.
         for (gradient, log, n) in [
-            ("fd", "evaluations.jsonl", 0),
             ("fd", "evaluations.jsonl", 2),
             ("fd", "iterations.jsonl", 1),
             ("basis", "evaluations.jsonl", 0),
