@@ -497,6 +497,7 @@ mod signals {
     fn an_interrupted_run_keeps_the_best_so_far() {
         // While the starts are compared, and while it optimises.
         for (gradient, log, n) in [
+            ("fd", "evaluations.jsonl", 0),
             ("fd", "evaluations.jsonl", 2),
             ("fd", "iterations.jsonl", 1),
             ("basis", "evaluations.jsonl", 0),
