@@ -28,7 +28,7 @@ pub enum Layer<'a> {
 }
 
 impl<'a> Layer<'a> {
-    /// The coat.
+    /// The coat; `None` where the base is bare.
     #[must_use]
     pub fn coat(&self) -> Option<&CoatPoint<'a>> {
         match self {
@@ -126,8 +126,11 @@ impl<'a> Blend<'a> {
         let mut densities = [[0.0; 2]; 2];
         if let Some(facets) = &self.layer.facets() {
             let r = facets.ggx.reflection(wo, wi);
-            let returned = conductor::returned(self.color, facets) * self.metallic;
-            value = value + self.facet(r.cos) * r.brdf + returned * facets.interreflection(o.loss, i.loss);
+            value = value + self.facet(r.cos) * r.brdf;
+            if self.metallic > 0.0 {
+                let returned = conductor::returned(self.color, facets) * self.metallic;
+                value = value + returned * facets.interreflection(o.loss, i.loss);
+            }
             densities = [[r.pdf, facets.wide.pdf(wi.z).0], [r.pdf_rev, facets.wide.pdf(wo.z).0]];
         }
         let density = |from: f32, passage, [mirror, wide]: [f32; 2], to| {

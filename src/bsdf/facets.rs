@@ -105,8 +105,8 @@ impl FacetsPoint<'_> {
 
     /// Share of that light which facets of reflectance `f_avg` on average return.
     ///
-    /// Of what meets a second facet E_avg leaves from it and L_avg = 1 − E_avg meets
-    /// the next: a geometric series, less the reflectance that E counts as 1.
+    /// From every further facet the share E_avg leaves and L_avg = 1 − E_avg meets the next: a geometric
+    /// series, less the reflectance that E counts as 1.
     pub(super) fn returned(&self, f_avg: f32) -> f32 {
         let l = self.loss.average;
         f_avg * f_avg * (1.0 - l) / (1.0 - f_avg * l) // [Hill18]

@@ -1,4 +1,4 @@
-//! The same models without light between facets, as other renderers have them,
+//! The scattering models without light between facets, as other renderers have them,
 //! and how much darker these are under a white sky.
 //!
 //! An albedo under a white sky is the mean of the directional albedo over projected
@@ -28,7 +28,7 @@ impl Bsdf<'_> {
         }
     }
 
-    /// The same of the nearest model of single scattering: GGX with Schlick's or a dielectric's
+    /// Albedo under a white sky of the nearest model of single scattering: GGX with Schlick's or a dielectric's
     /// reflectance, and below a coat a base of the same albedo seen through the transmittance of
     /// one facet on both ways (Mitsuba's `roughplastic` with `nonlinear = false`, its internal
     /// reflectance integrated exactly). It takes some ten milliseconds.

@@ -107,19 +107,13 @@ pub(super) struct Passage {
 }
 
 impl<'a> CoatPoint<'a> {
-    /// Its facets; `None` is smooth.
+    /// Facets of the coat; `None` where the coat is smooth.
     #[must_use]
     pub fn facets(&self) -> Option<FacetsPoint<'a>> {
         self.rough.map(|r| r.facets)
     }
 
-    /// Share of the light arriving at `cos` to the normal that reaches the base.
-    #[must_use]
-    pub fn transmittance(&self, cos: f32) -> f32 {
-        self.passage(cos).transmittance
-    }
-
-    /// Mean of [`Self::transmittance`] over projected solid angle.
+    /// Share of light from everywhere that reaches the base: the mean of 1 − E over projected solid angle.
     #[must_use]
     pub fn average_transmittance(&self) -> f32 {
         self.average

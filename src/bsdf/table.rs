@@ -109,7 +109,7 @@ impl TableRow<'_> {
 pub(super) struct Cosine(Place);
 
 impl Cosine {
-    /// Of a direction at `cos` to the normal, on either side.
+    /// Place of the cosine `cos` between the normal and a direction on either side.
     pub fn new(cos: f32) -> Self {
         Self(Place::new(cos.abs().sqrt(), N_NODES))
     }

@@ -28,7 +28,7 @@ const N_NODES: u32 = 256;
 pub struct Thin<'a> {
     /// IOR of the sheet over that of its surroundings.
     pub eta: f32,
-    /// [`average_reflectance`] of that IOR.
+    /// Mean reflectance of the sheet over projected solid angle: [`average_reflectance`] of `eta`.
     pub average: f32,
     /// Factor on what passes, linear Rec.709 in [0, 1].
     pub tint: Rgb,

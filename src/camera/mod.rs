@@ -149,16 +149,16 @@ impl Camera {
     pub fn may_see(&self, hull: &[Vec3]) -> bool {
         let (radius, blur) = self.lens.map_or((0.0, 0.0), |l| (l.radius, l.radius / l.focus_distance));
         // A ray from the lens at o through the edge of the plane in focus is at x = h·z + o·(1 − z/f).
-        let edge = Vec2::new(self.half.x + blur, self.half.y + blur);
+        let (edge, middle) = (self.half + blur, self.middle());
         let is_outside =
             |beyond: &dyn Fn(Vec3) -> f32| hull.iter().all(|&p| beyond(p - self.position) > radius);
         let ahead = |d: Vec3| d.dot(self.forward);
         let sides: [&dyn Fn(Vec3) -> f32; 5] = [
             &|d| radius - ahead(d),
-            &|d| d.dot(self.right) - edge.x * ahead(d),
-            &|d| -d.dot(self.right) - edge.x * ahead(d),
-            &|d| d.dot(self.up) - edge.y * ahead(d),
-            &|d| -d.dot(self.up) - edge.y * ahead(d),
+            &|d| d.dot(self.right) - (edge.x + middle.x) * ahead(d),
+            &|d| -d.dot(self.right) - (edge.x - middle.x) * ahead(d),
+            &|d| d.dot(self.up) - (edge.y + middle.y) * ahead(d),
+            &|d| -d.dot(self.up) - (edge.y - middle.y) * ahead(d),
         ];
         !sides.into_iter().any(is_outside)
     }
@@ -287,7 +287,9 @@ mod tests {
     #[test]
     fn what_may_not_be_seen_is_on_no_ray() {
         let lens = Lens { radius: 0.3, focus_distance: 2.0 };
-        for c in [camera(), camera().with_lens(Some(lens))] {
+        let shift = Vec2::new(0.4, -0.3);
+        let cameras = [camera(), camera().with_lens(Some(lens)), camera().with_shift(shift)];
+        for c in cameras {
             let (mut n_hidden, mut n_seen) = (0, 0);
             for i in 0..2000 {
                 let at = |k: u32| ((i * 7 + 1) as f32 * 0.618 * k as f32).fract() * 12.0 - 6.0;

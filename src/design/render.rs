@@ -210,7 +210,7 @@ impl MeasuredPicture {
     /// Writes the picture and its replicates, exactly.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// When `out` cannot be written to.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         let Picture { width, height, rgb, lights } = &self.picture;
         for n in [*width, *height, lights.len(), self.replicates.len()] {

@@ -7,7 +7,7 @@ use std::{
 
 use glam::{UVec2, Vec2};
 
-use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer};
+use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer, splat::CHUNK};
 use crate::lighting::Lighting;
 
 /// A film that sums contributions into pictures: one of each light alone, for unit radiance,
@@ -111,14 +111,11 @@ impl RgbFilm {
     }
 }
 
-/// Numbers that are written at a time.
-const CHUNK: usize = 1 << 13;
-
 impl<const N: usize> RgbFilm<N> {
     /// Writes the sums so far, exactly.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// When `out` cannot be written to.
     pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
         for chunk in self.sums.chunks(CHUNK) {
             let bytes: Vec<u8> = chunk.iter().flat_map(|sum| sum.to_le_bytes()).collect();

@@ -11,6 +11,9 @@ use crate::math::Rgb;
 /// below the noise of any picture, and 32 integer bits hold 4·10⁹ times white.
 const ONE: f64 = 4_294_967_296.0;
 
+/// Numbers that are written at a time.
+pub(super) const CHUNK: usize = 1 << 13;
+
 /// Fixed-point sums (u64, 32.32 bits) of RGB values, shared by all threads.
 ///
 /// Values are stored in units chosen by the caller, so that 1 is about display
@@ -41,9 +44,9 @@ impl SplatBuffer {
     /// Writes the sums so far, exactly.
     ///
     /// # Errors
-    /// Those of `out`.
+    /// When `out` cannot be written to.
     pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
-        for chunk in self.cells.chunks(1 << 13) {
+        for chunk in self.cells.chunks(CHUNK) {
             let bytes: Vec<u8> = chunk.iter().flat_map(|c| c.load(Ordering::Relaxed).to_le_bytes()).collect();
             out.write_all(&bytes)?;
         }

@@ -223,8 +223,9 @@ impl Light {
     #[must_use]
     pub fn pdf_li(&self, q: &SizeDensity, reference: Vec3, at: &LightPoint) -> SolidAnglePdf {
         let from_area = |pdf: AreaPdf| {
-            let d = at.p - reference;
-            pdf.to_solid_angle(d.length_squared(), at.n.dot(d.normalize()))
+            // Of two coincident points any direction serves: the density is that of the least distance.
+            let wi = (at.p - reference).try_normalize().unwrap_or(at.n);
+            pdf.to_solid_angle(distance2(at.p, reference), at.n.dot(wi))
         };
         match &self.shape {
             Shape::Planar(s) => from_area(s.pdf_pos(q, at.rho)),

@@ -28,3 +28,11 @@ pub fn hash_bytes(bytes: impl Iterator<Item = u8>) -> u64 {
 pub fn hash_words(words: &[u64]) -> u64 {
     words.iter().fold(0x243f_6a88_85a3_08d3, |h, &w| mix64(h ^ w))
 }
+
+/// Hash of what came before, `hash`, and of the bytes that follow, the same on every machine. It depends on
+/// the parts in which bytes are handed over: whoever checks them must take the same.
+#[must_use]
+pub fn hash_on(hash: u64, bytes: &[u8]) -> u64 {
+    let words = bytes.chunks(8).map(|c| c.iter().rev().fold(0, |word, &b| word << 8 | u64::from(b)));
+    words.fold(hash_words(&[hash, bytes.len() as u64]), |h, w| hash_words(&[h, w]))
+}

@@ -13,7 +13,8 @@ use crate::{
 pub struct SurfaceInteraction<'a> {
     /// Position, metres.
     pub p: Vec3,
-    /// Height above the triangle from which on a ray is clear of it, metres: see `clearance_at`.
+    /// Height above the triangle, metres, from which on a ray that starts near the point is clear of the
+    /// triangle.
     pub clearance: f32,
     /// Unit geometric normal, in the hemisphere of the shading normal.
     pub ng: Vec3,
@@ -135,10 +136,10 @@ impl SurfaceInteraction<'_> {
             (Some(_), true) => {
                 Some(ScatterSample { pdf_rev: self.evaluate(&self.frame, wo, wi, mode).pdf_rev, ..whole })
             }
-            (Some(_), false) => {
-                let there = self.scatter(wo, wi, mode);
-                let weight = there.value * (1.0 / s.pdf.0);
-                Some(ScatterSample { weight, pdf_rev: there.pdf_rev, ..whole })
+            (Some(frame), false) => {
+                let there = self.evaluate(&frame, wo, wi, mode);
+                let value = there.value * adjoint_cosine(wo, wi, frame.n, self.ng, mode);
+                Some(ScatterSample { weight: value * (1.0 / s.pdf.0), pdf_rev: there.pdf_rev, ..whole })
             }
         }
     }

@@ -72,6 +72,9 @@ pub struct Scene {
     n_occluders: usize,
     /// Height above each light at which a ray starts clear of the surfaces that the light lies on, metres.
     light_clearances: Vec<f32>,
+    /// Middle of each light and radius of a ball about it that no triangle enters, metres; `None` where there
+    /// is no such middle.
+    light_rooms: Vec<Option<(Vec3, f32)>>,
 }
 
 /// An edge of a path: a ray up to the surface or light that blocks it, or to infinity.
@@ -134,6 +137,7 @@ impl Scene {
             is_translucent: materials.iter().any(Material::is_translucent),
             n_occluders: lights.iter().filter(|l| l.occludes).count(),
             light_clearances: lights.iter().map(|l| visibility::clearance_over(l, &mesh)).collect(),
+            light_rooms: lights.iter().map(|l| visibility::room_about(l, &mesh)).collect(),
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],
@@ -187,12 +191,10 @@ impl Scene {
         let hit =
             self.first_surface(org, dir, sampling_value, |opacity, prim| opacity >= uniform(org, dir, prim));
         let t_max = hit.map_or(f32::INFINITY, |hit| hit.t);
-        let hit = hit.and_then(|hit| self.settle(org, dir, hit));
-        let mut edge = Edge { org, dir, hit, t_max, blocked_by: None };
-        if let Some((light, t)) = self.first_occluder(org, dir, edge.t_max, origin) {
-            edge = Edge { hit: None, t_max: t, blocked_by: Some(light), ..edge };
+        if let Some((light, t)) = self.first_occluder(org, dir, t_max, origin) {
+            return Edge { org, dir, hit: None, t_max: t, blocked_by: Some(light) };
         }
-        edge
+        Edge { org, dir, hit: hit.and_then(|hit| self.settle(org, dir, hit)), t_max, blocked_by: None }
     }
 
     /// The first surface that is opaque, or that `accept` takes by its opacity and its triangle.
@@ -208,16 +210,19 @@ impl Scene {
             let hit = self.accel.intersect(&Ray { org: from, dir, t_min: 0.0, t_max: f32::INFINITY })?;
             let hit = SurfaceHit { t: passed + hit.t, ..self.surface(&hit, dir, sampling_value) };
             let material = &self.materials[hit.material as usize];
-            if !self.is_translucent
-                || !material.is_translucent()
-                || accept(material.opacity(hit.uv), hit.si.triangle)
-            {
+            if !self.may_pass(hit.si.triangle) || accept(material.opacity(hit.uv), hit.si.triangle) {
                 return Some(hit);
             }
             from = hit.si.spawn_origin(dir);
             passed = (from - org).dot(dir);
         }
         None
+    }
+
+    /// Whether a ray may pass straight through a triangle.
+    fn may_pass(&self, triangle: u32) -> bool {
+        let material = self.mesh.materials[triangle as usize] as usize;
+        self.is_translucent && self.materials[material].is_translucent()
     }
 
     /// The first light but `except` whose body blocks a ray before `t_max`, and the distance, metres.
@@ -298,8 +303,11 @@ impl Scene {
     ) {
         for ((i, light), q) in self.lights.iter().enumerate().zip(sizes) {
             let i = i as LightId;
-            let t_max = self.crossing_limit(edge, i);
-            if let Some(c) = light.crossing(edge.org, edge.dir, t_max, q.extent()) {
+            // Few edges meet a panel, whose limit takes some work.
+            let is_panel = matches!(light.shape, Shape::Planar(_));
+            let t_max = if is_panel { f32::INFINITY } else { self.crossing_limit(edge, i) };
+            let Some(c) = light.crossing(edge.org, edge.dir, t_max, q.extent()) else { continue };
+            if !is_panel || c.t < self.crossing_limit(edge, i) {
                 f(i, light, &c);
             }
         }

@@ -11,11 +11,13 @@
 //! not left by rounding.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::{Edge, MAX_LAYERS, Scene, SurfaceHit, interaction, mesh::Mesh};
 use crate::{
     embree::Ray,
     light::{Light, LightId, LightPoint, Shape},
+    math::Bounds,
 };
 
 /// Share of an edge that is looked at from its far end. Where both rays meet, either is exact to some
@@ -42,44 +44,44 @@ impl Scene {
         }
         let near = Ray { org: from, dir: d, t_min: 0.0, t_max: 1.0 - SEAM };
         let far = Ray { org: to, dir: -d, t_min: 0.0, t_max: SEAM * OVERLAP };
+        // In the open about a light nothing can be met from its end.
+        let room = except.and_then(|id| self.light_rooms[id as usize]);
+        let is_open = room.is_some_and(|(middle, r)| to.distance(middle) + far.t_max * d.length() < r);
         if !self.is_translucent {
-            let is_blocked = self.accel.occluded(&near) || self.accel.occluded(&far);
+            let is_blocked = self.accel.occluded(&near) || (!is_open && self.accel.occluded(&far));
             return if is_blocked { 0.0 } else { 1.0 };
         }
-        let mut last = None;
-        let passed = self.passed(near, &mut last);
-        if passed > 0.0 { passed * self.passed(far, &mut last) } else { 0.0 }
+        let (passed, last) = self.passed(near, None);
+        if passed > 0.0 && !is_open { passed * self.passed(far, last).0 } else { passed }
     }
 
-    /// Product of 1 − opacity over the surfaces that a ray meets. The first of them does not count if it
-    /// is `last`, the triangle that the ray before met last, which becomes the one this ray meets last.
-    fn passed(&self, ray: Ray, last: &mut Option<u32>) -> f32 {
+    /// Product of 1 − opacity over the surfaces that a ray meets, and the last of them, which the ray from
+    /// the other end does not count again: `counted`.
+    fn passed(&self, ray: Ray, counted: Option<u32>) -> (f32, Option<u32>) {
         let dir = ray.dir.normalize_or_zero();
-        let mut passed = 1.0;
+        let (mut passed, mut last) = (1.0, None);
         let mut rest = ray;
-        let already = last.take();
         for _ in 0..MAX_LAYERS {
-            let Some(hit) = self.accel.intersect(&rest) else { return passed };
-            let hit = self.surface(&hit, dir, 1.0);
-            let material = &self.materials[hit.material as usize];
-            if !material.is_translucent() {
-                return 0.0;
+            let Some(hit) = self.accel.intersect(&rest) else { return (passed, last) };
+            if !self.may_pass(hit.prim) {
+                return (0.0, None);
             }
-            if already != Some(hit.si.triangle) {
-                passed *= 1.0 - material.opacity(hit.uv);
+            let hit = self.surface(&hit, dir, 1.0);
+            if counted != Some(hit.si.triangle) {
+                passed *= 1.0 - self.materials[hit.material as usize].opacity(hit.uv);
             }
             if passed <= 0.0 {
-                return 0.0;
+                return (0.0, None);
             }
-            *last = Some(hit.si.triangle);
+            last = Some(hit.si.triangle);
             let org = hit.si.spawn_origin(dir);
             let t_max = ray.t_max - (org - ray.org).dot(dir) / ray.dir.length();
             if t_max <= 0.0 {
-                return passed;
+                return (passed, last);
             }
             rest = Ray { org, t_max, ..ray };
         }
-        0.0
+        (0.0, None)
     }
 
     /// The end of an edge with a clearance from which the edge is seen, also where surfaces coincide;
@@ -103,10 +105,13 @@ impl Scene {
     /// The first triangle between `org` and `org + d` through which nothing ever passes.
     fn first_opaque(&self, org: Vec3, d: Vec3) -> Option<u32> {
         let mut ray = Ray { org, dir: d, t_min: 0.0, t_max: 1.0 };
+        // Nearly always there is none, which the cheaper query tells.
+        if !self.is_translucent && !self.accel.occluded(&ray) {
+            return None;
+        }
         for _ in 0..MAX_LAYERS {
             let hit = self.accel.intersect(&ray)?;
-            let material = self.mesh.materials[hit.prim as usize] as usize;
-            if !(self.is_translucent && self.materials[material].is_translucent()) {
+            if !self.may_pass(hit.prim) {
                 return Some(hit.prim);
             }
             // Embree counts a hit at `t_min` itself.
@@ -154,6 +159,27 @@ pub(super) fn clearance_over(light: &Light, mesh: &Mesh) -> f32 {
         tilt <= f64::from(PARALLEL)
             && height <= f64::from(interaction::clearance_of(*corners) + panel.rounding(panel.center))
     };
-    let corners = (0..mesh.indices.len()).map(|triangle| mesh.corners(triangle));
-    corners.filter(coincident).map(interaction::clearance_of).fold(0.0, f32::max)
+    let corners = (0..mesh.indices.len()).into_par_iter().map(|triangle| mesh.corners(triangle));
+    corners.filter(coincident).map(interaction::clearance_of).reduce(|| 0.0, f32::max)
+}
+
+/// Middle of a light and radius of a ball about it that no triangle enters, metres; `None` for a light at
+/// infinity, where rays start outside of everything, and for an emissive mesh, whose triangles are surfaces.
+pub(super) fn room_about(light: &Light, mesh: &Mesh) -> Option<(Vec3, f32)> {
+    let middle = match &light.shape {
+        Shape::Planar(s) => s.center,
+        Shape::Sphere(s) => s.center,
+        Shape::Point(s) => s.position,
+        Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => return None,
+    };
+    // The distance of its box is a lower bound of a triangle's.
+    let distance = |triangle| {
+        let b = Bounds::of(mesh.corners(triangle));
+        middle.clamp(b.lo, b.hi).distance(middle)
+    };
+    let each = (0..mesh.indices.len()).into_par_iter().map(distance);
+    let nearest = each.reduce(|| f32::MAX, f32::min);
+    // What boxes, lengths and the sum of two of them round, and as much again.
+    let rounding = 16.0 * f32::EPSILON * (middle.abs().max_element() + nearest);
+    Some((middle, nearest * (1.0 - 1e-4) - rounding))
 }

@@ -22,7 +22,7 @@ use crate::{
         atomic::{AtomicWriteError, write_unsynced},
         write_atomically,
     },
-    math::hash::hash_words,
+    math::hash::hash_on,
 };
 
 /// First bytes of a file.
@@ -38,7 +38,7 @@ pub enum StoreError {
     Read { path: PathBuf, source: io::Error },
     #[error("{path}: cannot write the transport basis", path = path.display())]
     Io { path: PathBuf, source: io::Error },
-    #[error("{path}: not a transport basis (`run --cache DIR` writes them)", path = path.display())]
+    #[error("{path}: not a transport basis (`run --cache DIR` or `--keep-basis` writes them)", path = path.display())]
     NotABasis { path: PathBuf },
     #[error("{path}: a transport basis of version {found}; this program reads version {VERSION}", path = path.display())]
     Version { path: PathBuf, found: u8 },
@@ -263,7 +263,7 @@ struct Hashed<'a, W> {
 
 impl<W: Write> Hashed<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.hash = fold(self.hash, bytes);
+        self.hash = hash_on(self.hash, bytes);
         self.file.write_all(bytes)
     }
 }
@@ -278,14 +278,14 @@ impl<R: Read> Hashing<R> {
     fn array<const N: usize>(&mut self) -> io::Result<[u8; N]> {
         let mut bytes = [0; N];
         self.file.read_exact(&mut bytes)?;
-        self.hash = fold(self.hash, &bytes);
+        self.hash = hash_on(self.hash, &bytes);
         Ok(bytes)
     }
 
     fn bytes(&mut self, n: usize) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; n];
         self.file.read_exact(&mut bytes)?;
-        self.hash = fold(self.hash, &bytes);
+        self.hash = hash_on(self.hash, &bytes);
         Ok(bytes)
     }
 
@@ -296,16 +296,11 @@ impl<R: Read> Hashing<R> {
         while table.len() < n {
             let part = &mut buffer[..4 * CHUNK.min(n - table.len())];
             self.file.read_exact(part)?;
-            self.hash = fold(self.hash, part);
+            self.hash = hash_on(self.hash, part);
             table.extend(part.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)));
         }
         Ok(table)
     }
-}
-
-fn fold(hash: u64, bytes: &[u8]) -> u64 {
-    let words = bytes.chunks(8).map(|c| c.iter().rev().fold(0, |word, &b| word << 8 | u64::from(b)));
-    words.fold(hash_words(&[hash, bytes.len() as u64]), |h, w| hash_words(&[h, w]))
 }
 
 #[cfg(test)]

@@ -8,10 +8,7 @@ use std::{
 use glam::Affine2;
 
 use super::{Encoding, Extent, Image, TEXTURE_BUDGET, Texture, Wrap, fitting};
-use crate::picture::{
-    Alpha, Fault, Picture, PictureError, Purpose, Reading, Samples, Transfer,
-    budget::{self, SizeError},
-};
+use crate::picture::{Alpha, Fault, Picture, PictureError, Purpose, Reading, Samples, Transfer, budget};
 
 /// A texture could not be loaded.
 #[derive(Debug, thiserror::Error)]
@@ -27,7 +24,7 @@ pub struct TextureError {
 /// [`super::fit`] has the last word.
 #[derive(Debug, Default)]
 pub struct TextureLoader {
-    /// Those loaded so far, as their files have them.
+    /// Textures loaded so far, as their files have them.
     extents: Vec<Extent>,
     /// Facts about images that a user should hear of.
     pub notes: Vec<String>,
@@ -111,7 +108,7 @@ fn texels(picture: Picture, encoding: Encoding) -> Result<(Samples, Encoding), F
     let channels = picture.channels;
     let size = [picture.width as u64, picture.height as u64];
     let per_pixel = channels * (picture.samples.width() + size_of::<f32>());
-    budget::check(size, per_pixel as u64).map_err(|e: SizeError| Fault::Size(e))?;
+    budget::check(size, per_pixel as u64)?;
     let mut linear = Vec::with_capacity(picture.samples.len());
     for i in 0..picture.n_pixels() {
         let [r, g, b, a] = picture.straight(i);
