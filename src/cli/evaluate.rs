@@ -8,12 +8,12 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::common::{say_note, say_notes};
+use super::common::{say_look, say_notes};
 use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
 use crate::objective::{Evaluation, Goal, LuminanceMode, Objective, Target};
 use crate::photo::Look;
-use crate::picture::{Picture, PictureError, Purpose, Reading};
+use crate::picture::{Picture, Purpose, Reading};
 
 /// Bytes of a pixel beside the picture: its brightness and its mask.
 const MEASURED: usize = 9;
@@ -111,9 +111,14 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
 }
 
 fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
-    look.iter().flat_map(Look::notes).for_each(|note| say_note(&note));
+    look.iter().for_each(say_look);
     let path = args.image.as_path();
-    let reading = Reading { layer: args.layer.as_deref(), kept: MEASURED, ..Reading::of(Purpose::Light) };
+    let reading = Reading {
+        layer: args.layer.as_deref(),
+        kept: MEASURED,
+        own_mask: args.mask.is_none(),
+        ..Reading::of(Purpose::Light)
+    };
     let mut picture = Picture::read(path, &reading)?;
     say_notes(path, &picture.notes, true);
     let stored = stored(path, &picture)?;
@@ -158,8 +163,7 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
 }
 
 fn stored(path: &Path, picture: &Picture) -> anyhow::Result<Stored> {
-    let attribute = picture.our_attribute().map_err(|fault| PictureError { path: path.to_owned(), fault })?;
-    let Some(value) = attribute else {
+    let Some(value) = picture.our_attribute(path)? else {
         return Ok(Stored::default());
     };
     let what = || format!("{}: attribute `lightopt`", path.display());

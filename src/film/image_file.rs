@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::exr::{ExrError, ExrImage, ExrPart, write_exr};
 use crate::files::atomic::{AtomicWriteError, write_atomically};
 use crate::math::display::{LUMINANCE_WEIGHTS, oetf_srgb};
-use crate::picture::{Format, Picture, PictureError, Purpose, Reading};
+use crate::picture::{Picture, PictureError, Purpose, Reading};
 
 /// A picture in linear Rec.709 RGB.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,14 +41,14 @@ pub enum ImageFileError {
     Encode {
         /// Path of the file.
         path: PathBuf,
-        /// Error of the decoder or encoder.
+        /// Error of the encoder.
         #[source]
         source: image::ImageError,
     },
     /// A finished file cannot be brought to its place.
     #[error(transparent)]
     File(#[from] AtomicWriteError),
-    /// An EXR file cannot be read or written.
+    /// An EXR file cannot be written.
     #[error(transparent)]
     Exr(#[from] ExrError),
     /// The number of pixels does not fit the size, or the format cannot hold the size.
@@ -143,12 +143,6 @@ impl MaskImage {
     pub fn of_samples([width, height]: [usize; 2], samples: &[f32]) -> Self {
         Self { width, height, object: samples.iter().map(|&v| v >= 0.5).collect() }
     }
-}
-
-/// Whether the ending of the file's name is that of a picture format that can be read.
-#[must_use]
-pub fn has_picture_ending(path: &Path) -> bool {
-    Format::of_ending(path).is_some()
 }
 
 /// Reads any known picture as linear RGB.
@@ -347,6 +341,24 @@ mod tests {
         for error in [read_image(&path).unwrap_err(), read_mask(&path).unwrap_err()] {
             assert!(error.fault.to_string().contains(names), "{error:?}");
         }
+    }
+
+    #[test]
+    fn a_mask_that_cannot_be_decoded_does_no_harm_to_light_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.exr");
+        let picture = ramp(5, 4);
+        let parts = vec![ExrPart::rgb("beauty", &picture.rgb), mask_part(&[true; 20])];
+        write_exr(&path, &ExrImage { width: 5, height: 4, parts, lightopt: None }).unwrap();
+        // The last header is that of the mask; its codec becomes one that is not decoded.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let name = b"compression\0compression\0";
+        let at = bytes.windows(name.len()).rposition(|w| w == name).unwrap() + name.len() + 4;
+        bytes[at] = 13;
+        std::fs::write(&path, bytes).unwrap();
+        assert_eq!(read_image(&path).unwrap(), picture);
+        let reading = Reading { own_mask: true, ..Reading::of(Purpose::Light) };
+        assert!(matches!(Picture::read(&path, &reading).unwrap_err().fault, Fault::Exr(_)));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::{fs, io};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use crate::film::image_file::has_picture_ending;
+use crate::picture::Format;
 
 /// Why a folder of photographs or masks is refused.
 #[derive(Debug, Error)]
@@ -89,7 +89,7 @@ pub fn list(folder: &Path) -> Result<Listing, FolderError> {
     }
     files.sort();
     let (pictures, others): (Vec<_>, Vec<_>) =
-        files.into_iter().partition(|name| has_picture_ending(Path::new(name)));
+        files.into_iter().partition(|name| Format::of_ending(Path::new(name)).is_some());
     if pictures.is_empty() {
         return Err(FolderError::Empty { path: folder.to_owned() });
     }

@@ -108,17 +108,6 @@ impl Look {
         }
     }
 
-    /// What people should hear of how a photograph was read, with its file.
-    #[must_use]
-    pub fn notes(&self) -> Vec<String> {
-        match self {
-            Self::Target(_) => Vec::new(),
-            Self::Photo { path, photo } => {
-                photo.notes().iter().map(|note| format!("{}: {note}", path.display())).collect()
-            }
-        }
-    }
-
     /// The target for pictures whose longer side has `longest` pixels, measured by `mode`.
     ///
     /// A photograph is reduced to that size if it is larger, since g depends on it. With a mask

@@ -28,9 +28,12 @@ pub use look::Look;
 /// Why a photograph cannot be measured.
 #[derive(Debug, Error)]
 pub enum PhotoError {
-    /// A photograph or a mask cannot be read.
+    /// A photograph cannot be read.
     #[error(transparent)]
     File(#[from] PictureError),
+    /// A mask cannot be read.
+    #[error(transparent)]
+    MaskFile(PictureError),
     /// A pixel is not a number.
     #[error("{path}: the pixel at column {x}, row {y} is not a number", path = path.display())]
     NotANumber {
@@ -80,29 +83,29 @@ pub struct Photo {
 }
 
 impl Photo {
-    /// Reads a photograph and, if given, the mask of its main object: white there, of the
-    /// size of the upright photograph. An EXR of several layers is read as `layer`, by default as
-    /// the one that is the picture.
+    /// Reads a photograph and, if given, the mask of its main object: a picture of the size of the
+    /// upright photograph that is white on the object, or transparent around it. An EXR of several
+    /// layers is read as `layer`, by default as the one that is the picture.
     ///
     /// An EXR of this program brings its exposure and, if `mask` is none, its mask.
     ///
     /// # Errors
     /// When a file is no picture, the sizes differ, or a pixel is not a number.
     pub fn read(path: &Path, mask: Option<&Path>, layer: Option<&str>) -> Result<Self, PhotoError> {
-        let mut picture = Picture::read(path, &Reading { layer, ..Reading::of(Purpose::Light) })?;
+        let reading = Reading { layer, own_mask: mask.is_none(), ..Reading::of(Purpose::Light) };
+        let mut picture = Picture::read(path, &reading)?;
         let (width, height) = (picture.width, picture.height);
         let is_float = matches!(picture.samples, Samples::F32(_));
         let strange = (0..picture.n_pixels()).find(|&i| is_float && picture.luminance(i).is_nan());
         if let Some(i) = strange {
             return Err(PhotoError::NotANumber { path: path.to_owned(), x: i % width, y: i / width });
         }
-        let attribute =
-            picture.our_attribute().map_err(|fault| PictureError { path: path.to_owned(), fault })?;
+        let attribute = picture.our_attribute(path)?;
         let stored = attribute.as_ref().and_then(|a| a.get("exposure")?.as_f64());
         let exposure = stored.filter(|&e| e > 0.0).unwrap_or(1.0);
         let own = picture.mask.take().map(|m| MaskImage::of_samples([width, height], &m));
         let mask = match mask {
-            Some(mask) => Some((mask.to_owned(), read_mask(mask)?)),
+            Some(mask) => Some((mask.to_owned(), read_mask(mask).map_err(PhotoError::MaskFile)?)),
             None => own.map(|own| (path.to_owned(), own)),
         };
         if let Some((file, mask)) = &mask

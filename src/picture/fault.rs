@@ -15,7 +15,7 @@ use super::format::Format;
 pub struct PictureError {
     /// The file.
     pub path: PathBuf,
-    /// Why.
+    /// What is wrong with the picture.
     #[source]
     pub fault: Fault,
 }

@@ -31,7 +31,7 @@ pub enum Format {
 pub const TGA_FOOTER: &[u8; 18] = b"TRUEVISION-XFILE.\0";
 
 impl Format {
-    /// Its name in messages.
+    /// Name of the format in messages.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -46,7 +46,7 @@ impl Format {
         }
     }
 
-    /// That of a file name's ending.
+    /// Format that the ending of a file's name stands for.
     #[must_use]
     pub fn of_ending(path: &Path) -> Option<Self> {
         let ending = path.extension()?.to_str()?.to_ascii_lowercase();
@@ -63,7 +63,7 @@ impl Format {
         })
     }
 
-    /// That of the first bytes of a file.
+    /// Format whose mark the file begins with.
     #[must_use]
     pub fn of_start(start: &[u8]) -> Option<Self> {
         let marks: [(&[u8], Self); 10] = [
@@ -90,7 +90,7 @@ impl Format {
         Self::of_ending(path).is_some() || FOREIGN_ENDINGS.contains(&ending.as_str())
     }
 
-    /// That of a file's content, else of its name; the source stands at its start afterwards.
+    /// Format of a file by its content, else by its name; the source stands at its start afterwards.
     ///
     /// # Errors
     /// When the file cannot be read, or is in no format that is known, or in one that is not read.

@@ -2,6 +2,8 @@
 
 use std::io::{self, BufRead, Read, Seek};
 
+use super::array;
+
 /// How the samples of a JPEG are spread over scans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scans {
@@ -58,12 +60,6 @@ impl Scans {
     pub fn working(&self) -> u64 {
         if self.keeps_all { 2 * u64::from(self.components) } else { 0 }
     }
-}
-
-fn array<const N: usize>(source: &mut (impl Read + ?Sized)) -> io::Result<[u8; N]> {
-    let mut bytes = [0; N];
-    source.read_exact(&mut bytes)?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use super::{Alpha, Colour, Fault, Note, Picture, Purpose, Reading, Samples, Sour
 use crate::math::display::LUMINANCE_WEIGHTS;
 
 /// Reads the chosen layer; of a mask the channel of that name or the only one. With a picture that
-/// is read for its light comes the mask that the file may have.
+/// is read for its light comes, where it is asked for, the mask that the file may have.
 pub(super) fn read_exr(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Picture, Fault> {
     let mut file = ExrFile::open(source)?;
     let purpose = reading.purpose;
@@ -27,7 +27,8 @@ pub(super) fn read_exr(source: Box<dyn Source + '_>, reading: &Reading) -> Resul
     let mut picture = layer_picture(&mut file, &layer, reading)?;
     if purpose == Purpose::Light {
         picture.attribute = file.attribute().map(str::to_owned);
-        if let Some([part, channel]) = file.mask_channel()
+        if reading.own_mask
+            && let Some([part, channel]) = file.mask_channel()
             && file.parts()[part].display.size == file.parts()[layer.part].display.size
         {
             picture.mask = Some(file.read(part, &[channel], LIGHT + reading.kept)?);

@@ -28,7 +28,7 @@ mod tga;
 mod tiff;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{self, BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use image::metadata::Orientation;
@@ -44,12 +44,12 @@ use crate::math::display::luminance;
 /// What a picture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// Its light, over black.
+    /// Light of the picture, over black.
     Light,
     /// Colours and transparency of a surface.
     Texture,
-    /// The numbers of a texture: what the file says about its colours does not count. So glTF
-    /// wants it of all, and so it is with roughness, normals and heights.
+    /// Numbers of a texture, for which what the file says about its colours does not count: every
+    /// texture of glTF, and maps of roughness, normals and heights.
     RawTexture,
     /// Where the object is.
     Mask,
@@ -72,19 +72,21 @@ impl Purpose {
 /// How to read a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Reading<'a> {
-    /// What for.
+    /// What the picture is read for.
     pub purpose: Purpose,
     /// The layer of an EXR by name; by default the one that is the picture.
     pub layer: Option<&'a str>,
     /// Bytes that the caller keeps of each pixel beside the decoded samples.
     pub kept: usize,
+    /// Whether a picture that is read for its light brings the channel `mask` of an EXR that has one.
+    pub own_mask: bool,
 }
 
 impl Reading<'_> {
-    /// For a purpose.
+    /// A reading for a purpose: of the default layer, with nothing kept beside the samples.
     #[must_use]
     pub const fn of(purpose: Purpose) -> Self {
-        Self { purpose, layer: None, kept: 0 }
+        Self { purpose, layer: None, kept: 0, own_mask: false }
     }
 }
 
@@ -97,7 +99,7 @@ pub enum Alpha {
     Premultiplied,
 }
 
-/// A picture as decoded, upright.
+/// A picture as decoded: upright, but for textures, which lie as their file has them.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// Width, pixels.
@@ -116,8 +118,8 @@ pub struct Picture {
     pub notes: Vec<Note>,
     /// The attribute of our EXR files, JSON.
     pub attribute: Option<String>,
-    /// The channel `mask` of an EXR that has one, of a picture that is read for its light; row
-    /// by row, 1 on the object.
+    /// The channel `mask` of an EXR that has one, where [`Reading::own_mask`] asks for it; row by
+    /// row, 1 on the object.
     pub mask: Option<Vec<f32>>,
     /// Linear light by sample; empty for floating point.
     table: Vec<f64>,
@@ -190,12 +192,13 @@ impl Picture {
         }
     }
 
-    /// What our EXR files say of themselves.
+    /// What our EXR files say of themselves; `path` is that of the file.
     ///
     /// # Errors
     /// When it is no JSON.
-    pub fn our_attribute(&self) -> Result<Option<serde_json::Value>, Fault> {
-        self.attribute.as_deref().map(serde_json::from_str).transpose().map_err(Fault::Attribute)
+    pub fn our_attribute(&self, path: &Path) -> Result<Option<serde_json::Value>, PictureError> {
+        let value = self.attribute.as_deref().map(serde_json::from_str).transpose();
+        value.map_err(|e| PictureError { path: path.to_owned(), fault: Fault::Attribute(e) })
     }
 
     /// Number of pixels.
@@ -267,6 +270,13 @@ impl Picture {
     pub fn luminance(&self, pixel: usize) -> f64 {
         luminance(self.over_black(pixel))
     }
+}
+
+/// The next bytes of a file.
+fn array<const N: usize>(source: &mut (impl Read + ?Sized)) -> io::Result<[u8; N]> {
+    let mut bytes = [0; N];
+    source.read_exact(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// Colour and alpha of a pixel's samples.

@@ -9,16 +9,16 @@ use super::exr::{listed, quoted};
 pub enum Note {
     /// A colour profile, unless it is that of sRGB and the picture is taken so.
     IccIgnored {
-        /// How it calls itself.
+        /// Name that the profile gives itself.
         profile: Option<String>,
         /// Whether nothing else says what the colours are.
         is_taken_as_srgb: bool,
     },
     /// One of several layers.
     Layer {
-        /// The one that is read.
+        /// Name of the layer that is read.
         taken: String,
-        /// The others.
+        /// Names of the layers that are not read.
         others: Vec<String>,
     },
     /// Pictures behind the first.

@@ -29,7 +29,7 @@ pub(super) fn about(source: &mut (impl BufRead + Seek + ?Sized), plain: About) -
     let (colour, note) = if info.srgb.is_some() { (plain.colour, None) } else { stated(info, plain.colour) };
     let icc = icc_note(info.icc_profile.as_ref().map(|profile| profile.to_vec()), &colour);
     let notes = plain.notes.into_iter().chain(icc).chain(note).collect();
-    Ok(About { colour, notes, asks_profile: false, alpha: plain.alpha, working: plain.working })
+    Ok(About { colour, notes, ..plain })
 }
 
 /// The colours of gAMA and cHRM.

@@ -8,13 +8,13 @@ use glam::{DMat3, DVec3};
 /// Chromaticities x, y of primaries and white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chromaticities {
-    /// Of red.
+    /// Chromaticity of red.
     pub red: [f64; 2],
-    /// Of green.
+    /// Chromaticity of green.
     pub green: [f64; 2],
-    /// Of blue.
+    /// Chromaticity of blue.
     pub blue: [f64; 2],
-    /// Of R = G = B.
+    /// Chromaticity of white, R = G = B.
     pub white: [f64; 2],
 }
 

@@ -11,7 +11,7 @@ use image::metadata::Orientation;
 
 use super::budget;
 use super::primaries::{self, Chromaticities};
-use super::{Colour, Fault, Format, Note, Picture, Reading, Samples, Source, Transfer};
+use super::{Colour, Fault, Format, Note, Picture, Reading, Samples, Source, Transfer, array};
 
 /// Bytes of a pixel as decoded.
 const PIXEL: u64 = 12;
@@ -247,12 +247,6 @@ fn decode_old(source: &mut (impl Read + ?Sized), first: [u8; 4], row: &mut [[u8;
 
 fn damaged(message: &'static str) -> std::io::Error {
     std::io::Error::new(ErrorKind::InvalidData, message)
-}
-
-fn array<const N: usize>(source: &mut (impl Read + ?Sized)) -> std::io::Result<[u8; N]> {
-    let mut bytes = [0; N];
-    source.read_exact(&mut bytes)?;
-    Ok(bytes)
 }
 
 fn numbers<const N: usize>(key: &str, value: &str) -> Result<[f64; N], Fault> {

@@ -6,9 +6,9 @@ use image::metadata::Orientation;
 /// RGB and alpha.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
-    /// Of 8 bits, 255 being 1.
+    /// Samples of 8 bits, of which 255 stands for 1.
     U8(Vec<u8>),
-    /// Of 16 bits, 65535 being 1.
+    /// Samples of 16 bits, of which 65535 stands for 1.
     U16(Vec<u16>),
     /// Floating point.
     F32(Vec<f32>),

@@ -49,9 +49,9 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
     let mut result = DecodingResult::U8(Vec::new());
     let layout = decoder.read_image_to_buffer(&mut result).map_err(|e| refused(&e))?;
     let size = [width as usize, height as usize];
-    let (samples, is_float) = kind.samples(result, &layout, size)?;
+    let samples = kind.samples(result, &layout, size)?;
     let (channels, samples) = kind.colours(samples, &mut decoder);
-    let transfer = if is_float { Transfer::Linear } else { Transfer::Srgb };
+    let transfer = if kind.is_float { Transfer::Linear } else { Transfer::Srgb };
     let mut notes = Vec::new();
     let mut colour = Colour::rec709(transfer);
     if reading.purpose.honours_metadata() {
@@ -171,41 +171,30 @@ impl Kind {
         stored + jpeg.max(copy.max(turning))
     }
 
-    /// The samples that are used, interleaved, and whether they are floating point.
+    /// The samples that are used, interleaved.
     fn samples(
         &self,
         result: DecodingResult,
         layout: &BufferLayoutPreference,
         size: [usize; 2],
-    ) -> Result<(Samples, bool), Fault> {
+    ) -> Result<Samples, Fault> {
         let n_pixels = size[0] * size[1];
-        let from = usize::from(self.colour.num_samples());
-        let planes = layout.planes;
-        macro_rules! pick {
-            ($samples:expr, $map:expr) => {
-                picked($samples, [from, self.used, planes], n_pixels)
-                    .map(|s| s.into_iter().map($map).collect())
-            };
-        }
-        let integer = |samples: Option<Samples>| samples.map(|s| (s, false));
-        let float = |samples: Option<Vec<f32>>| samples.map(|s| (Samples::F32(s), true));
+        let used = [usize::from(self.colour.num_samples()), self.used, layout.planes];
         let found = match result {
             DecodingResult::U8(s) if matches!(self.colour, ColorType::Gray(1 | 2 | 4)) => {
-                Some((Samples::U8(unpacked(&s, size, self.colour.bit_depth())), false))
+                Some(Samples::U8(unpacked(&s, size, self.colour.bit_depth())))
             }
-            DecodingResult::U8(s) => integer(picked(s, [from, self.used, planes], n_pixels).map(Samples::U8)),
-            DecodingResult::U16(s) => {
-                integer(picked(s, [from, self.used, planes], n_pixels).map(Samples::U16))
-            }
+            DecodingResult::U8(s) => picked(s, used, n_pixels).map(Samples::U8),
+            DecodingResult::U16(s) => picked(s, used, n_pixels).map(Samples::U16),
             DecodingResult::U32(s) => {
-                integer(pick!(s, |v| (f64::from(v) / f64::from(u32::MAX)) as f32).map(Samples::F32))
+                floats(picked(s, used, n_pixels), |v| (f64::from(v) / f64::from(u32::MAX)) as f32)
             }
             DecodingResult::U64(s) => {
-                integer(pick!(s, |v| (v as f64 / u64::MAX as f64) as f32).map(Samples::F32))
+                floats(picked(s, used, n_pixels), |v| (v as f64 / u64::MAX as f64) as f32)
             }
-            DecodingResult::F16(s) => float(pick!(s, |v| v.to_f32())),
-            DecodingResult::F32(s) => float(picked(s, [from, self.used, planes], n_pixels)),
-            DecodingResult::F64(s) => float(pick!(s, |v| v as f32)),
+            DecodingResult::F16(s) => floats(picked(s, used, n_pixels), |v| v.to_f32()),
+            DecodingResult::F32(s) => picked(s, used, n_pixels).map(Samples::F32),
+            DecodingResult::F64(s) => floats(picked(s, used, n_pixels), |v| v as f32),
             _ => return unsupported("its samples are signed integers"),
         };
         found.ok_or_else(|| Fault::decode(Format::Tiff, "its samples are incomplete"))
@@ -246,6 +235,11 @@ fn picked<T: Copy>(samples: Vec<T>, [from, used, planes]: [usize; 3], n_pixels: 
         out.extend((0..used).map(|c| samples[index(pixel, c)]));
     }
     Some(out)
+}
+
+/// Samples of another type in floating point.
+fn floats<T>(samples: Option<Vec<T>>, float: impl Fn(T) -> f32) -> Option<Samples> {
+    samples.map(|s| Samples::F32(s.into_iter().map(float).collect()))
 }
 
 /// Grey of 1, 2 or 4 bits, whose rows begin with a byte, as 8 bits.

@@ -18,13 +18,7 @@ use predicates::str::contains;
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::room::{QUICK, Room, names};
-
-fn program(directory: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightopt-embree").unwrap();
-    command.current_dir(directory);
-    command
-}
+use crate::room::{QUICK, Room, names, program, refused};
 
 fn json_of(command: &mut Command) -> Value {
     let output = command.arg("--json").assert().success().get_output().stdout.clone();
@@ -285,16 +279,6 @@ fn large_photographs_are_reduced_in_linear_light() {
     }
 }
 
-/// Runs a command that must fail with one line which says all of `wanted`.
-fn refused(command: &mut Command, wanted: &[&str]) {
-    let output = command.assert().failure().stdout("").get_output().clone();
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((text.lines().count(), output.status.code()), (1, Some(1)), "{text}");
-    for want in wanted {
-        assert!(text.contains(want), "`{want}` is not in: {text}");
-    }
-}
-
 #[test]
 fn wrong_folders_photographs_and_masks_are_refused_in_one_line() {
     let directory = tempfile::tempdir().unwrap();
@@ -318,6 +302,8 @@ fn wrong_folders_photographs_and_masks_are_refused_in_one_line() {
     let black = MaskImage { width: 24, height: 16, object: vec![false; 24 * 16] };
     write_mask_png(&directory.path().join("masks/low0.png"), &black).unwrap();
     refused(&mut with(&["--masks", "masks"]), &["masks/low0.png", "the mask marks no pixel"]);
+    fs::write(directory.path().join("masks/low0.png"), "no picture").unwrap();
+    refused(&mut with(&["--masks", "masks"]), &["masks/low0.png: cannot read it as a picture"]);
     fs::write(directory.path().join("empty/broken.jpg"), "no picture").unwrap();
     refused(&mut with(&["--class", "x=empty"]), &["empty/broken.jpg: cannot read it as a picture"]);
     let mut command = program(directory.path());

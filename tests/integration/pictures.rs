@@ -10,14 +10,10 @@ use lightopt_embree::film::image_file::{MaskImage, read_mask};
 use predicates::str::contains;
 use serde_json::Value;
 
+use crate::room::{program, refused};
+
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pictures").join(name)
-}
-
-fn program(directory: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightopt-embree").unwrap();
-    command.current_dir(directory);
-    command
 }
 
 fn evaluate(file: &Path, mask: &Path) -> Command {
@@ -33,16 +29,6 @@ fn measured(command: &mut Command) -> ([f64; 2], f64, String) {
     let value = |term: &str| json["terms"][term]["value"].as_f64().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
     ([value("meanObj"), value("meanBack")], json["f_q"].as_f64().unwrap(), said)
-}
-
-/// Runs a command that must fail with one line which says all of `wanted`.
-fn refused(command: &mut Command, wanted: &[&str]) {
-    let output = command.assert().failure().stdout("").get_output().clone();
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((text.lines().count(), output.status.code()), (1, Some(1)), "{text}");
-    for want in wanted {
-        assert!(text.contains(want), "`{want}` is not in: {text}");
-    }
 }
 
 #[test]

@@ -17,7 +17,7 @@ pub enum ExrError {
     Read {
         /// Path of the EXR file.
         path: PathBuf,
-        /// Error of the decoder or encoder.
+        /// What is wrong with the file.
         #[source]
         source: ExrFault,
     },

@@ -131,7 +131,7 @@ fn what_cannot_be_written_is_refused_before_anything_appears() {
 }
 
 #[test]
-fn a_file_of_more_samples_than_can_be_read_is_not_written() {
+fn a_file_of_too_many_samples_is_not_written() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.exr");
     // Parts count together.

@@ -119,9 +119,7 @@ impl<R: Read + Seek> ExrFile<R> {
     /// of a file that has one.
     #[must_use]
     pub fn mask_channel(&self) -> Option<[usize; 2]> {
-        let parts = || self.headers.parts.iter().enumerate().filter(|(_, part)| !part.is_deep);
-        let of = |(i, part): (usize, &Part)| Some([i, part.channels.iter().position(|c| c.name == "mask")?]);
-        parts().filter(|(_, part)| part.name == "mask").find_map(of).or_else(|| parts().find_map(of))
+        self.channel("mask", |part| part.name == "mask").or_else(|| self.channel("mask", |_| true))
     }
 
     /// Part and index of the channel of a file that has a single one.
@@ -133,9 +131,14 @@ impl<R: Read + Seek> ExrFile<R> {
     /// Part and index of the first channel A.
     #[must_use]
     pub fn alpha_channel(&self) -> Option<[usize; 2]> {
-        let parts = self.headers.parts.iter().enumerate().filter(|(_, part)| !part.is_deep);
-        let of = |(i, part): (usize, &Part)| Some([i, part.channels.iter().position(|c| c.name == "A")?]);
-        parts.into_iter().find_map(of)
+        self.channel("A", |_| true)
+    }
+
+    /// Part and index of the first channel of this name in the flat parts for which `is_of` holds.
+    fn channel(&self, name: &str, is_of: impl Fn(&Part) -> bool) -> Option<[usize; 2]> {
+        let parts = self.headers.parts.iter().enumerate();
+        let mut fitting = parts.filter(|(_, part)| !part.is_deep && is_of(part));
+        fitting.find_map(|(i, part)| Some([i, part.channels.iter().position(|c| c.name == name)?]))
     }
 
     /// Samples of channels of a part, interleaved, over the display window.

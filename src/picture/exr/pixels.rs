@@ -274,7 +274,8 @@ impl<'a> Decoder<'a> {
 fn description(channel: &Channel) -> ChannelDescription {
     let [x, y] = channel.sampling;
     ChannelDescription {
-        name: Text::from(channel.name.as_str()),
+        // `Text::from` panics beyond Latin-1, and the codecs look only at what follows the last dot.
+        name: Text::from_slice_unchecked(channel.name.as_bytes()),
         sample_type: channel.kind,
         quantize_linearly: channel.is_linear,
         sampling: Vec2(x, y),

@@ -63,6 +63,18 @@ fn half_floats_layers_and_data_windows_of_other_programs_are_read() {
     }
 }
 
+#[test]
+fn names_of_channels_may_be_in_any_script_or_in_none() {
+    let channels = [("B", 0.25), ("G", 0.5), ("R", 2.0), ("zzz.Z", 9.0)];
+    let display = IntegerBounds::new((0, 0), (2, 2));
+    let mut bytes = constant(&channels, (2, 2), (0, 0), display, Encoding::SMALL_LOSSLESS);
+    let at = bytes.windows(5).position(|w| w == b"zzz.Z").unwrap();
+    for name in ["層".as_bytes(), &[0xff; 3]] {
+        bytes[at..at + 3].copy_from_slice(name);
+        assert_eq!(read(&bytes).unwrap().over_black(3), [2.0, 0.5, 0.25], "{name:?}");
+    }
+}
+
 /// Headers of parts by name and channels.
 fn headers(parts: &[(&str, &[&str])]) -> Headers {
     let channel = |name: &&str| Channel {
