@@ -44,11 +44,14 @@ struct Temporary {
 impl Temporary {
     /// Makes a file that must not exist yet.
     fn create(path: PathBuf) -> io::Result<(Self, File)> {
-        // Listed first: once `abandon` has begun, no file is made any more.
-        if let Ok(mut open) = OPEN.lock() {
+        // Locked until the file is there: once `abandon` has begun, no file is made any more.
+        let mut open = OPEN.lock();
+        if let Ok(open) = &mut open {
             open.push(path.clone());
         }
         let file = OpenOptions::new().write(true).create_new(true).open(&path);
+        // A temporary file that is dropped takes the lock.
+        drop(open);
         let temporary = Self { path, armed: file.is_ok() };
         Ok((temporary, file?))
     }
@@ -67,7 +70,7 @@ impl Drop for Temporary {
 }
 
 /// Removes all temporary files and lets no more be made, for a process that ends at once: every
-/// [`write_atomically`] that would begin after it waits for ever.
+/// [`write_atomically`] and [`write_unsynced`] that would begin after it waits for ever.
 pub fn abandon() {
     if let Ok(open) = OPEN.lock() {
         open.iter().for_each(|path| drop(fs::remove_file(path)));
@@ -94,7 +97,8 @@ where
 /// does: without waiting for the disk. For files that can be made again.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// The error that `write` returns, or the step that failed; the destination is then as before and no
+/// temporary file remains.
 pub fn write_unsynced<T, E>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,

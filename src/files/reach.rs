@@ -112,6 +112,12 @@ impl Reach {
         }
     }
 
+    /// Whether `path` is a regular file within reach. Outside nothing is even looked at.
+    #[must_use]
+    pub fn has_file(&self, path: &Path) -> bool {
+        self.admits(path) && path.is_file()
+    }
+
     /// Checks that `path` is a regular file within reach of at most `most` bytes; returns its size.
     ///
     /// # Errors
@@ -136,7 +142,7 @@ impl Reach {
     /// When it is not, or cannot be read.
     pub fn read(&self, path: &Path, most: u64) -> Result<Vec<u8>, ReachError> {
         let bytes = self.check(path, most)?;
-        let mut out = Vec::new();
+        let mut out = Vec::with_capacity(usize::try_from(bytes).unwrap_or(0));
         // No more than it had: what has no end, as some files of the system, says that it has none.
         let read = File::open(path).and_then(|file| file.take(bytes).read_to_end(&mut out));
         read.map_err(|source| ReachError::Io { path: path.into(), source })?;

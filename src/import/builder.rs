@@ -11,8 +11,6 @@ mod source;
 
 use std::{io::ErrorKind, path::Path};
 
-use glam::Vec3;
-
 use self::source::Source;
 use super::{
     error::ImportError,
@@ -26,8 +24,7 @@ use super::{
 use crate::{
     files::reach::{MAX_TEXT_BYTES, Reach, ReachError},
     lighting::MAX_EXPOSURE,
-    math::Bounds,
-    scene::{Mesh, Scene},
+    scene::Scene,
     variables::Constraints,
 };
 
@@ -82,8 +79,8 @@ pub fn load(path: &Path) -> Result<Loaded, ImportError> {
 /// As [`load`], with options.
 ///
 /// # Errors
-/// Those of [`load`], when a file that the scene names is refused, and when an option names what the file
-/// does not have.
+/// Every error of [`load`]; also when a file that the scene names is refused, or an option names what the
+/// file does not have.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded, ImportError> {
     let scene_path = find(path)?;
     let sidecar_path = scene_path.with_extension("toml");
@@ -128,21 +125,13 @@ pub fn stage(path: &Path, options: &StageOptions) -> Result<Staging, ImportError
 /// As [`stage()`], with options of loading.
 ///
 /// # Errors
-/// Those of [`stage()`], when a file that the scene names is refused, and when an option names what the
+/// Every error of [`stage()`]; also when a file that the scene names is refused, or an option names what the
 /// file does not have.
 pub fn stage_with(path: &Path, options: &StageOptions, load: &LoadOptions) -> Result<Staging, ImportError> {
     let source = Source::new(path, path, load.reach(path)?);
     let mut imported = source.import(DEFAULT_CREASE)?;
     source.choose_camera(load, None, &mut imported)?;
-    let mut staging = source.stage(&imported, options)?;
-    if let Some(name) = &load.camera {
-        let name = match name {
-            CameraName::Number(n) => n.to_string(),
-            CameraName::Name(name) => format!("{name:?}"),
-        };
-        staging.text += &format!("\n[camera]\nname = {name}\n");
-    }
-    Ok(staging)
+    source.stage(&imported, options, load.camera.as_ref())
 }
 
 impl Source<'_> {
@@ -166,14 +155,21 @@ impl Source<'_> {
             let empty = format!("schema = {SCHEMA}");
             return self.build(options, &Sidecar::parse(self.sidecar_path, &empty)?, imported);
         }
-        let Staging { text, summary } = self.stage(&imported, &StageOptions::default())?;
+        let camera = options.camera.as_ref();
+        let Staging { text, summary } = self.stage(&imported, &StageOptions::default(), camera)?;
         let mut loaded = self.build(options, &Sidecar::parse(self.sidecar_path, &text)?, imported)?;
         let (file, sidecar) = (self.scene_path.display(), self.sidecar_path.display());
         loaded.warnings.push(format!("{file}: {summary}; `stage` writes this as {sidecar} to edit"));
         Ok(Loaded { staging: Some(text), ..loaded })
     }
 
-    fn stage(&self, imported: &Imported, options: &StageOptions) -> Result<Staging, ImportError> {
+    /// Stages the scene file, whose `camera` was chosen; `None` where nobody chose.
+    fn stage(
+        &self,
+        imported: &Imported,
+        options: &StageOptions,
+        camera: Option<&CameraName>,
+    ) -> Result<Staging, ImportError> {
         let objects = options.main_object.clone();
         let selection = Selection { objects, ..Selection::default() };
         let is_main = match options.main_object.is_empty() {
@@ -181,7 +177,16 @@ impl Source<'_> {
             false => Some(self.select_main("--main-object", &selection, imported)?),
         };
         let file = self.scene_path.file_name().unwrap_or_default().to_string_lossy();
-        stage::stage(&file, self.is_obj, imported, is_main, options).map_err(|source| self.embree(source))
+        let mut staging = stage::stage(&file, self.is_obj, imported, is_main, options)
+            .map_err(|source| self.embree(source))?;
+        if let Some(name) = camera {
+            let name = match name {
+                CameraName::Number(n) => n.to_string(),
+                CameraName::Name(name) => toml::Value::from(name.as_str()).to_string(),
+            };
+            staging.text += &format!("\n[camera]\nname = {name}\n");
+        }
+        Ok(staging)
     }
 
     /// Checks that the sidecar of an OBJ has what the format itself cannot say.
@@ -211,7 +216,8 @@ impl Source<'_> {
         mut imported: Imported,
     ) -> Result<Loaded, ImportError> {
         let mut is_main = self.main_object(sidecar, &mut imported)?;
-        let camera = self.camera(options, sidecar, imported.camera, || middle(&imported.mesh, &is_main))?;
+        let middle = || stage::bounds(&imported.mesh, &is_main).center();
+        let camera = self.camera(options, sidecar, imported.camera, middle)?;
         if let Some(spec) = &sidecar.backdrop {
             self.add_backdrop(spec, &mut imported)?;
             is_main.resize(imported.mesh.indices.len(), false);
@@ -258,10 +264,4 @@ impl Source<'_> {
             range => Ok(range),
         }
     }
-}
-
-/// Middle of the box about the main object, metres.
-fn middle(mesh: &Mesh, is_main: &[bool]) -> Vec3 {
-    let main = (0..mesh.indices.len()).filter(|&t| is_main[t]);
-    Bounds::of(main.flat_map(|t| mesh.corners(t))).center()
 }

@@ -396,7 +396,7 @@ fn find(directory: &Path, file: &str, reach: &Reach) -> Result<Option<PathBuf>, 
     let in_folders = || IMAGE_FOLDERS.iter().map(|f| directory.join(f));
     let given = directory.join(&file);
     let candidates = std::iter::once(given.clone()).chain(ends).chain(in_folders().map(|f| f.join(name)));
-    let is_there = |p: &PathBuf| reach.admits(p) && p.is_file();
+    let is_there = |p: &PathBuf| reach.has_file(p);
     let found = candidates.into_iter().find(is_there).or_else(|| {
         let beside = given.parent().map(Path::to_path_buf).into_iter().chain([directory.to_path_buf()]);
         beside.chain(in_folders()).filter(|d| reach.admits(&d.join(name))).find_map(|d| {

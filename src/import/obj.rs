@@ -49,7 +49,7 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
 /// As [`load`], reading no file out of `reach`.
 ///
 /// # Errors
-/// Those of [`load`], and when the OBJ or an MTL names a file out of reach.
+/// Every error of [`load`]; also when the OBJ or an MTL names a file out of reach.
 pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, ImportError> {
     let bytes = reach.read(path, MAX_SCENE_BYTES).map_err(ImportError::reading)?;
     let plain = wavefront::normalize(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
@@ -184,12 +184,12 @@ fn material_library(
     let mut definitions: Vec<MtlMaterial> = Vec::new();
     let mut is_missing = false;
     for (line, names) in &plain.libraries {
-        let is_file = |name: &str| dir.join(name.trim_matches('"').replace('\\', "/")).is_file();
-        let names = name_before_comment(names).filter(|_| !is_file(names)).unwrap_or(names);
+        let is_there = |name: &str| reach.has_file(&dir.join(name));
+        let unquoted = |names: &str| names.trim_matches('"').replace('\\', "/");
+        let names = name_before_comment(names).filter(|_| !is_there(&unquoted(names))).unwrap_or(names);
         // One name with spaces, or several names.
-        let whole = names.trim_matches('"').replace('\\', "/");
+        let whole = unquoted(names);
         let words: Vec<String> = whole.split_whitespace().map(str::to_owned).collect();
-        let is_there = |name: &str| reach.admits(&dir.join(name)) && dir.join(name).is_file();
         let is_several = words.iter().any(|w| is_there(w)) && !is_there(&whole);
         let files = if is_several { words } else { vec![whole] };
         let files = files.iter().filter(|f| !f.is_empty());

@@ -10,10 +10,10 @@ use std::{
 
 use lightopt_embree::film::exr::read_exr;
 
-use crate::room::{MTL, OBJ, Room, TOML, names};
+use crate::room::{MTL, OBJ, Room, TOML, names, signal, wait_for};
 
 /// Starts the program in a room.
-fn spawn(room: &Room, arguments: &[&str]) -> Child {
+pub fn spawn(room: &Room, arguments: &[&str]) -> Child {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("lightopt-embree"));
     command.current_dir(room.directory.path()).args(arguments);
     command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
@@ -27,11 +27,6 @@ pub fn start(room: &Room, arguments: &[&str], line: &str) -> Child {
     // Whoever reads no more would end it by a broken pipe.
     std::thread::spawn(move || lines.for_each(drop));
     child
-}
-
-fn signal(child: &Child, name: &str) {
-    let status = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
-    assert!(status.success());
 }
 
 /// Ends a program by a signal, and checks how it ends and that it does so soon.
@@ -78,7 +73,7 @@ fn signals_end_a_run_in_order_and_keep_what_is_found() {
     }
 }
 
-/// What the program does until it is told to end, and what it says when that is a stage of its own.
+/// Options of a run, and the line with which the stage begins during which it is ended.
 const STAGES: [(&[&str], &str); 7] = [
     (&["--work-size", "160x120", "--spp", "65536"], "survey"),
     (&["--work-size", "160x120", "--spp", "65536"], "rendering the transport basis"),
@@ -103,14 +98,11 @@ fn every_stage_of_a_run_ends_within_seconds_of_a_signal() {
 
 /// Waits until a process catches SIGTERM.
 fn wait_for_handler(child: &Child) {
-    let caught = || {
+    wait_for(|| {
         let status = fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap();
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap().trim();
         u64::from_str_radix(mask, 16).unwrap() >> 14 & 1 == 1
-    };
-    while !caught() {
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    });
 }
 
 #[test]

@@ -108,10 +108,42 @@ impl Room {
     }
 }
 
+/// The program, run in a directory.
+pub fn program(directory: &Path) -> Command {
+    let mut command = Command::cargo_bin("lightopt-embree").unwrap();
+    command.current_dir(directory);
+    command
+}
+
+/// Runs a command that must fail with one line which says all of `wanted`.
+pub fn refused(command: &mut Command, wanted: &[&str]) {
+    let output = command.assert().failure().stdout("").get_output().clone();
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((text.lines().count(), output.status.code()), (1, Some(1)), "{text}");
+    for want in wanted {
+        assert!(text.contains(want), "`{want}` is not in: {text}");
+    }
+}
+
 /// Names of the files in a directory, sorted.
 pub fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         fs::read_dir(directory).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.sort();
     names
+}
+
+/// Sends a signal to a program, by its name for `kill`.
+pub fn signal(child: &std::process::Child, name: &str) {
+    let kill = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
+    assert!(kill.unwrap().success());
+}
+
+/// Waits until something is so, a minute at most.
+pub fn wait_for(what: impl Fn() -> bool) {
+    let start = std::time::Instant::now();
+    while !what() {
+        assert!(start.elapsed() < std::time::Duration::from_secs(60), "nothing happened");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
 }

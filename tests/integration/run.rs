@@ -463,9 +463,9 @@ fn plain_output_is_lines_without_control_characters() {
 #[cfg(unix)]
 mod signals {
     use std::process::{Child, Command, Stdio};
-    use std::time::{Duration, Instant};
 
     use super::*;
+    use crate::room::{signal, wait_for};
 
     /// A run that is busy with its evaluations for long.
     fn long_run(room: &Room, gradient: &str) -> Child {
@@ -478,19 +478,6 @@ mod signals {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap()
-    }
-
-    fn wait_for(what: impl Fn() -> bool) {
-        let start = Instant::now();
-        while !what() {
-            assert!(start.elapsed() < Duration::from_secs(60), "nothing happened");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    }
-
-    fn signal(child: &Child, name: &str) {
-        let status = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
-        assert!(status.success());
     }
 
     #[test]

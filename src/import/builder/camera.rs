@@ -53,7 +53,10 @@ impl Source<'_> {
                 return Ok(());
             }
         };
-        if options.camera.is_some() && spec.is_some_and(|c| c.position.is_some() || c.look_at.is_some()) {
+        let says_place = |c: &CameraSpec| {
+            c.position.is_some() || c.look_at.is_some() || c.up.is_some() || c.vfov.is_some()
+        };
+        if options.camera.is_some() && spec.is_some_and(says_place) {
             let file = self.sidecar_path.display();
             imported.warnings.push(format!("{file}: {PLACE} of [camera] give way to `--camera`"));
         }

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use glam::{Mat4, Quat, Vec3};
+use glam::{DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 use gltf_json::{Accessor, Index, Node};
 use serde::Deserialize;
 
@@ -47,6 +47,27 @@ struct Sampler {
     interpolation: Option<String>,
 }
 
+/// The first keys of an animation for a node; `None` for what stays as it is.
+#[derive(Default)]
+struct Keys {
+    scale: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    translation: Option<[f64; 3]>,
+}
+
+impl Keys {
+    /// The place of a node with these keys, of which nothing is rounded.
+    fn exact(&self, at_rest: &file::Place) -> file::Place {
+        let parts = at_rest.matrix.map(|m| DMat4::from_cols_array(&m).to_scale_rotation_translation());
+        file::Place {
+            matrix: None,
+            scale: self.scale.or(parts.map(|p| p.0.to_array())).or(at_rest.scale),
+            rotation: self.rotation.or(parts.map(|p| p.1.to_array())).or(at_rest.rotation),
+            translation: self.translation.or(parts.map(|p| p.2.to_array())).or(at_rest.translation),
+        }
+    }
+}
+
 /// Place of a node in its parent.
 #[derive(Clone, Copy)]
 struct Place {
@@ -69,6 +90,16 @@ impl Place {
         }
     }
 
+    /// The place with the first keys of an animation.
+    fn with(self, keys: &Keys) -> Self {
+        let vector = |v| DVec3::from_array(v).as_vec3();
+        Self {
+            scale: keys.scale.map_or(self.scale, vector),
+            rotation: keys.rotation.map_or(self.rotation, |q| quat(q).normalize()),
+            translation: keys.translation.map_or(self.translation, vector),
+        }
+    }
+
     fn differs(&self, other: &Self) -> bool {
         let far = |a: Vec3, b: Vec3| (a - b).length() > TOLERANCE * (1.0 + a.length());
         // A rotation is the same as its negative.
@@ -81,20 +112,22 @@ impl Place {
 /// animations that move the same node the first alone counts.
 pub fn pose(file: &mut File, warnings: &mut Warnings) {
     let mut moved = HashSet::new();
-    let mut posed: BTreeMap<usize, Place> = BTreeMap::new();
+    let mut posed: BTreeMap<usize, Keys> = BTreeMap::new();
+    let differs = |(index, keys): &(usize, Keys)| {
+        let at_rest = Place::of(&file.root.nodes[*index]);
+        at_rest.differs(&at_rest.with(keys))
+    };
     for (i, animation) in file.animations.iter().enumerate() {
         let name = animation.name.clone().unwrap_or_else(|| i.to_string());
         match first_frame(file, i, animation) {
             Err(e) => warnings.about("animation", &name, format!("is left out: {e}")),
-            Ok(places) => {
-                if places.keys().any(|node| moved.contains(node)) {
+            Ok(frame) => {
+                if frame.keys().any(|node| moved.contains(node)) {
                     continue;
                 }
-                moved.extend(places.keys().copied());
+                moved.extend(frame.keys().copied());
                 let n = posed.len();
-                posed.extend(
-                    places.into_iter().filter(|(node, p)| Place::of(&file.root.nodes[*node]).differs(p)),
-                );
+                posed.extend(frame.into_iter().filter(differs));
                 if posed.len() > n {
                     let message = "the pose is that of its first frame, from which the file's own differs";
                     warnings.about("animation", &name, message.into());
@@ -102,16 +135,10 @@ pub fn pose(file: &mut File, warnings: &mut Warnings) {
             }
         }
     }
-    for (index, place) in posed {
-        if let Some(exact) = file.places.get_mut(index) {
-            *exact = file::Place {
-                matrix: None,
-                translation: Some(place.translation.as_dvec3().to_array()),
-                rotation: Some(place.rotation.as_dquat().to_array()),
-                scale: Some(place.scale.as_dvec3().to_array()),
-            };
-        }
+    for (index, keys) in posed {
+        file.places[index] = keys.exact(&file.places[index]);
         let node = &mut file.root.nodes[index];
+        let place = Place::of(node).with(&keys);
         node.matrix = None;
         node.scale = Some(place.scale.to_array());
         node.rotation = Some(gltf_json::scene::UnitQuaternion(place.rotation.to_array()));
@@ -119,43 +146,46 @@ pub fn pose(file: &mut File, warnings: &mut Warnings) {
     }
 }
 
-/// Places at the first key of an animation of the nodes that carry nothing themselves.
+/// First keys of an animation for the nodes that carry nothing themselves.
 fn first_frame(
     file: &File,
     index: usize,
     animation: &Animation,
-) -> Result<BTreeMap<usize, Place>, ImportError> {
-    let mut places = BTreeMap::new();
+) -> Result<BTreeMap<usize, Keys>, ImportError> {
+    let mut frame: BTreeMap<usize, Keys> = BTreeMap::new();
     for (i, channel) in animation.channels.iter().enumerate() {
         let Some(id) = channel.target.node else { continue };
-        let Some(node) = file.root.nodes.get(id).filter(|n| carries_nothing(n)) else { continue };
+        if !file.root.nodes.get(id).is_some_and(carries_nothing) {
+            continue;
+        }
         let key = format!("animations[{index}].channels[{i}].sampler");
         let sampler = animation.samplers.get(channel.sampler).ok_or_else(|| {
             file.error(&key, format!("points to number {}, which does not exist", channel.sampler))
         })?;
-        let place = places.entry(id).or_insert_with(|| Place::of(node));
+        let keys = frame.entry(id).or_default();
         match channel.target.path.as_str() {
-            "translation" => {
-                place.translation = first(file, &key, sampler)?.map_or(place.translation, Vec3::from)
-            }
-            "scale" => place.scale = first(file, &key, sampler)?.map_or(place.scale, Vec3::from),
+            "translation" => keys.translation = first(file, &key, sampler)?.or(keys.translation),
+            "scale" => keys.scale = first(file, &key, sampler)?.or(keys.scale),
             "rotation" => {
-                let rotation = first(file, &key, sampler)?.map(Quat::from_array);
-                let proper = rotation.filter(|q| q.length_squared() > 0.0 && q.is_finite());
-                place.rotation = proper.map_or(place.rotation, Quat::normalize);
+                let is_proper = |q: &[f64; 4]| quat(*q).length_squared() > 0.0 && quat(*q).is_finite();
+                keys.rotation = first(file, &key, sampler)?.filter(is_proper).or(keys.rotation);
             }
             _ => {}
         }
     }
-    Ok(places)
+    Ok(frame)
 }
 
 /// The first value of a sampler; `None` where it has none.
-fn first<const N: usize>(file: &File, key: &str, sampler: &Sampler) -> Result<Option<[f32; N]>, ImportError> {
+fn first<const N: usize>(file: &File, key: &str, sampler: &Sampler) -> Result<Option<[f64; N]>, ImportError> {
     let values = file.elements::<N>(key, Index::<Accessor>::new(sampler.output))?;
     // Of a cubic spline a tangent stands before each value.
     let place = usize::from(sampler.interpolation.as_deref() == Some("CUBICSPLINE"));
-    Ok(values.get(place).map(|v| v.map(|v| v as f32)))
+    Ok(values.get(place).copied())
+}
+
+fn quat(q: [f64; 4]) -> Quat {
+    DQuat::from_array(q).as_quat()
 }
 
 fn carries_nothing(node: &Node) -> bool {

@@ -2,10 +2,10 @@
 
 use std::collections::HashSet;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{file::File, nodes::SceneNode};
-use crate::import::warnings::Warnings;
+use crate::import::{imported::printable_name, warnings::Warnings};
 
 /// Parts of the names of lamps, in lower case. Where nodes without content are common, only these count.
 const LAMPS: [&str; 5] = ["light", "lamp", "softbox", "spot", "sun"];
@@ -16,7 +16,8 @@ const MAX_LISTED: usize = 3;
 ///
 /// A glTF has no area lights. Blender's exporter leaves their nodes, without content: there every such
 /// node is named, unless it is part of a skeleton; in other files those that are called like a lamp.
-pub fn report(file: &File, nodes: &[SceneNode], warnings: &mut Warnings) {
+/// `origin` is the place of the nodes' origin in the file's coordinates.
+pub fn report(file: &File, nodes: &[SceneNode], origin: DVec3, warnings: &mut Warnings) {
     let joints: HashSet<usize> =
         file.root.skins.iter().flat_map(|s| s.joints.iter().map(|j| j.value())).collect();
     let mut in_skeleton = vec![false; nodes.len()];
@@ -43,14 +44,16 @@ pub fn report(file: &File, nodes: &[SceneNode], warnings: &mut Warnings) {
         if file.is_of_blender() { "Blender exports no area lights" } else { "glTF has no area lights" };
     let position = first.world.transform_point3(Vec3::ZERO);
     let ahead = first.world.transform_vector3(Vec3::NEG_Z).normalize_or(Vec3::NEG_Z);
-    let [position, look_at] =
-        [position, position + ahead].map(|p| format!("[{:.3}, {:.3}, {:.3}]", p.x, p.y, p.z));
+    let [position, look_at] = [position, position + ahead].map(|p| {
+        let DVec3 { x, y, z } = p.as_dvec3() + origin;
+        format!("[{x:.3}, {y:.3}, {z:.3}]")
+    });
     warnings.add(format!(
         "{}: {nodes} {names} {hold} nothing, and {exporter}: if {they}, add [[lights]] to the sidecar, name = {:?}, type = \
          \"rectangle\", position = {position}, look_at = {look_at}, half_extents = [0.5, 0.5], radiance = 10.0 (USD would keep \
          lamps, but is not read yet)",
         file.path.display(),
-        name(first),
+        printable_name(&name(first)),
     ));
 }
 

@@ -17,7 +17,7 @@ use gltf_json::{
     validation::Checked,
 };
 
-use serde::de::IgnoredAny;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use serde_json::value::RawValue;
 
 use super::animation::Animation;
@@ -64,7 +64,7 @@ pub struct File {
     pub path: PathBuf,
     /// Parsed JSON, without the animations.
     pub root: Root,
-    /// Places of the nodes with all digits that the file has.
+    /// Places of the nodes of `root` with all digits that the file has.
     pub places: Vec<Place>,
     /// What the file may read.
     pub reach: Reach,
@@ -77,7 +77,7 @@ pub struct File {
     /// Whether each material has the member `pbrMetallicRoughness`.
     has_pbr: Vec<bool>,
     /// Bytes of each buffer; `None` where the file holds no data for one.
-    buffers: Vec<Option<Arc<[u8]>>>,
+    buffers: Vec<Option<Arc<Vec<u8>>>>,
 }
 
 /// The members that decide whether the rest can be understood, and what it means.
@@ -87,17 +87,15 @@ struct Head {
     asset: Asset,
     #[serde(default)]
     extensions_required: Vec<String>,
-    #[serde(default)]
-    materials: Vec<MaterialHead>,
-    #[serde(default)]
-    animations: Vec<Animation>,
 }
 
-/// The members in which a node's place is read as `f64`.
-#[derive(serde::Deserialize)]
-struct Places {
-    #[serde(default)]
-    nodes: Vec<Place>,
+/// What is read of a glTF beside its [`Root`].
+struct Rest {
+    /// As many as there are nodes.
+    places: Vec<Place>,
+    /// As many as there are materials.
+    materials: Vec<MaterialHead>,
+    animations: Vec<Animation>,
 }
 
 /// Place of a node in its parent, glTF 2.0 section 3.5.3.
@@ -138,8 +136,7 @@ impl File {
         let (json, bin) =
             if bytes.starts_with(b"glTF") { split_glb(&bytes).map_err(broken)? } else { (&bytes[..], None) };
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-        let head: Head =
-            serde_json::from_slice(json).map_err(|e| broken(format!("cannot be understood as glTF: {e}")))?;
+        let head: Head = serde_json::from_slice(json).map_err(|e| broken(not_understood(e)))?;
         if !head.asset.version.starts_with("2.") {
             return Err(broken(format!("is glTF {}; this program reads glTF 2.0", head.asset.version)));
         }
@@ -149,19 +146,18 @@ impl File {
             }
             return Err(broken(format!("requires the extension {name}, {}", not_read(name))));
         }
-        let root = parse(json).map_err(broken)?;
-        let places = serde_json::from_slice::<Places>(json).map_or_else(|_| Vec::new(), |p| p.nodes);
+        let (root, rest) = parse(json).map_err(broken)?;
         let budget = Budget::default();
         budget.extend(bytes.len());
         let mut file = Self {
             path: path.into(),
             root,
-            places,
+            places: rest.places,
             reach: reach.clone(),
             budget,
-            animations: head.animations,
+            animations: rest.animations,
             generator: head.asset.generator.unwrap_or_default(),
-            has_pbr: head.materials.iter().map(|m| m.pbr_metallic_roughness.is_some()).collect(),
+            has_pbr: rest.materials.iter().map(|m| m.pbr_metallic_roughness.is_some()).collect(),
             buffers: Vec::new(),
         };
         file.read_buffers(bin)?;
@@ -171,7 +167,7 @@ impl File {
     /// Reads the buffers; `bin` is the binary chunk of a GLB.
     fn read_buffers(&mut self, bin: Option<&[u8]>) -> Result<(), ImportError> {
         // Buffers of one name share their bytes.
-        let mut read: HashMap<&str, Arc<[u8]>> = HashMap::new();
+        let mut read: HashMap<&str, Arc<Vec<u8>>> = HashMap::new();
         let mut buffers = Vec::new();
         for (i, buffer) in self.root.buffers.iter().enumerate() {
             let key = format!("buffers[{i}]");
@@ -179,13 +175,13 @@ impl File {
                 Some(uri) => Some(match read.get(uri.as_str()) {
                     Some(data) => data.clone(),
                     None => {
-                        let data: Arc<[u8]> = self.read_uri(&key, uri)?.into();
+                        let data = Arc::new(self.read_uri(&key, uri)?);
                         self.budget.extend(data.len());
                         read.insert(uri, data.clone());
                         data
                     }
                 }),
-                None if i == 0 => bin.map(Arc::from),
+                None if i == 0 => bin.map(|bin| Arc::new(bin.to_vec())),
                 None => None,
             };
             let needed = buffer.byte_length.0;
@@ -196,11 +192,6 @@ impl File {
         }
         self.buffers = buffers;
         Ok(())
-    }
-
-    /// The error of a key that asks for more than the budget.
-    fn over(&self, key: &str) -> impl Fn(String) -> ImportError {
-        move |message| self.error(key, message)
     }
 
     /// Whether Blender's exporter wrote the file.
@@ -253,8 +244,8 @@ impl File {
         let dir = self.path.parent().unwrap_or(Path::new(""));
         let decoded = dir.join(String::from_utf8_lossy(&percent_decoded(uri)).as_ref());
         let literal = dir.join(uri);
-        let is_there = |path: &Path| self.reach.admits(path) && path.is_file();
-        Ok(if !is_there(&decoded) && is_there(&literal) { literal } else { decoded })
+        let is_literal = !self.reach.has_file(&decoded) && self.reach.has_file(&literal);
+        Ok(if is_literal { literal } else { decoded })
     }
 
     /// The bytes of a data URI, or of the file that a relative URI names.
@@ -335,7 +326,7 @@ impl File {
                 self.error(key, format!("has no data for {count} elements; at most {most} may have none"))
             );
         }
-        self.budget.decode(count).map_err(self.over(&key))?;
+        self.budget.decode(count).map_err(|e| self.error(&key, e))?;
         let decode = |bytes: &[u8]| {
             let mut out = [0.0; N];
             for (value, b) in out.iter_mut().zip(bytes.chunks_exact(component.size())) {
@@ -351,7 +342,7 @@ impl File {
         };
         if let Some(sparse) = &accessor.sparse {
             let n = usize::try_from(sparse.count.0).unwrap_or(usize::MAX);
-            self.budget.decode(n).map_err(self.over(&key))?;
+            self.budget.decode(n).map_err(|e| self.error(&key, e))?;
             let Checked::Valid(IndexComponentType(kind)) = sparse.indices.component_type else {
                 return Err(self.error(key, "has an unknown `sparse.indices.componentType`"));
             };
@@ -405,21 +396,41 @@ pub fn not_read(extension: &str) -> String {
     format!("which this program does not read{}", advice.unwrap_or_default())
 }
 
-/// Parses the JSON without the animations: `gltf-json` refuses targets that extensions add to these.
+/// Parses the JSON. The root is without the animations: `gltf-json` refuses targets that extensions add to
+/// these.
 ///
 /// # Errors
 /// In words, when it is no glTF or has too many objects.
-fn parse(json: &[u8]) -> Result<Root, String> {
-    let wrong = |e| format!("cannot be understood as glTF: {e}");
-    let mut members: BTreeMap<String, &RawValue> = serde_json::from_slice(json).map_err(wrong)?;
-    members.remove("animations");
+fn parse(json: &[u8]) -> Result<(Root, Rest), String> {
+    let mut members: BTreeMap<String, &RawValue> = serde_json::from_slice(json).map_err(not_understood)?;
+    let animations = members.remove("animations");
     // Ignored values take no memory.
-    let list = |v: &&RawValue| serde_json::from_str::<Vec<IgnoredAny>>(v.get()).map_or(0, |l| l.len());
-    if members.values().map(list).sum::<usize>() > MAX_OBJECTS {
+    let length = |v: &&RawValue| serde_json::from_str::<Vec<IgnoredAny>>(v.get()).map_or(0, |l| l.len());
+    if members.values().map(length).sum::<usize>() > MAX_OBJECTS {
         return Err(format!("has more than {MAX_OBJECTS} objects in its lists"));
     }
-    let rest = serde_json::to_string(&members).map_err(wrong)?;
-    serde_json::from_str(&rest).map_err(wrong)
+    let others = serde_json::to_string(&members).map_err(not_understood)?;
+    let root = serde_json::from_str(&others).map_err(not_understood)?;
+    let member = |name: &str| members.get(name).copied();
+    let rest = Rest {
+        places: list(member("nodes"))?,
+        materials: list(member("materials"))?,
+        animations: list(animations)?,
+    };
+    Ok((root, rest))
+}
+
+/// The objects of a list of the JSON; none where the file does not have it.
+///
+/// # Errors
+/// In words, when it is no such list.
+fn list<T: DeserializeOwned>(member: Option<&RawValue>) -> Result<Vec<T>, String> {
+    member.map_or(Ok(Vec::new()), |m| serde_json::from_str(m.get()).map_err(not_understood))
+}
+
+/// Words that say why JSON is no glTF.
+fn not_understood(error: serde_json::Error) -> String {
+    format!("cannot be understood as glTF: {error}")
 }
 
 /// `length` bytes of `data` from `offset` on; `None` where it has fewer.

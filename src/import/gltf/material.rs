@@ -1,6 +1,6 @@
 //! Materials; the mapping is that of [`super`].
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use gltf_json::{
     Index, Material,
@@ -38,8 +38,6 @@ const IORS: (f32, f32) = (1.001, 4.0);
 /// Base colour below which glass is warned to lose its colour: clear glass is exported as 1 or a
 /// little less.
 const CLEAR: f32 = 0.9;
-/// Materials named in the warning of an extension, at most.
-const MAX_LISTED: usize = 3;
 
 /// The materials that triangles use, each read when it is first met.
 pub struct Materials<'a> {
@@ -54,8 +52,6 @@ pub struct Materials<'a> {
     /// Whether the file leaves open if a material in use is a body of glass or a sheet.
     may_be_thin: Vec<bool>,
     textures: Textures<'a>,
-    /// Unsupported extensions, with the materials that have them.
-    ignored: BTreeMap<String, Vec<String>>,
 }
 
 impl<'a> Materials<'a> {
@@ -75,7 +71,6 @@ impl<'a> Materials<'a> {
             uv_mappings: Vec::new(),
             may_be_thin: Vec::new(),
             textures: Textures::new(file),
-            ignored: BTreeMap::new(),
         }
     }
 
@@ -130,19 +125,10 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Warns of the extensions that were not read.
-    pub fn report_ignored(&self, warnings: &mut Warnings) {
-        for (extension, materials) in &self.ignored {
-            let names: Vec<String> = materials.iter().take(MAX_LISTED).map(|n| format!("`{n}`")).collect();
-            let more = if materials.len() > names.len() { ", …" } else { "" };
-            warnings.add(format!("{extension} of material {}{more} is ignored", names.join(", ")));
-        }
-    }
-
     fn params(&mut self, m: &Material, context: &mut MaterialContext) -> Result<MaterialParams, ImportError> {
         let extensions = m.extensions.as_ref();
         for extension in extensions.iter().flat_map(|e| e.others.keys()) {
-            self.ignored.entry(extension.clone()).or_default().push(context.name.clone());
+            context.warn(format_args!("its {extension} is ignored"));
         }
         let mut out = self.metallic_roughness(&m.pbr_metallic_roughness, context)?;
         if self.is_dropped(m, context.index) {

@@ -49,7 +49,7 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// As [`load`], reading no file out of `reach`.
 ///
 /// # Errors
-/// Those of [`load`], and when the glTF names a file out of reach.
+/// Every error of [`load`]; also when the glTF names a file out of reach.
 pub fn load_within(path: &Path, reach: &Reach) -> Result<Imported, ImportError> {
     let mut file = File::read(path, reach)?;
     let mut warnings = Warnings::default();
@@ -142,8 +142,7 @@ impl Reader<'_> {
             1 => warnings.add(format!("{}: left out 1 degenerate triangle", path.display())),
             n => warnings.add(format!("{}: left out {n} degenerate triangles", path.display())),
         }
-        materials.report_ignored(&mut warnings);
-        empty::report(self.file, self.nodes, &mut warnings);
+        empty::report(self.file, self.nodes, self.origin, &mut warnings);
         if mesh.indices.is_empty() {
             return Err(ImportError::NoTriangles { path: path.clone(), n_degenerate });
         }

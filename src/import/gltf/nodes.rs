@@ -53,7 +53,7 @@ pub fn scene_nodes(file: &File) -> Result<Vec<SceneNode>, ImportError> {
             (out[p].world, out[p].exact, out[p].is_visible)
         });
         let world = above * local(json);
-        let exact = exact_above * file.places.get(index).map_or(DMat4::IDENTITY, exact_local);
+        let exact = exact_above * exact_local(&file.places[index]);
         if !world.is_finite() || !exact.is_finite() {
             return Err(file.error(format!("nodes[{index}]"), "its transformation must be finite"));
         }
@@ -150,12 +150,16 @@ fn stated_bounds(
     key: &str,
     accessor: Index<Accessor>,
 ) -> Result<Option<[DVec3; 2]>, ImportError> {
-    let accessor = file.get(key, accessor)?;
+    let json = file.get(key, accessor)?;
+    if json.normalized {
+        // They are stated as integers, which stand for fractions.
+        return found_bounds(file, key, accessor);
+    }
     let corner = |bound: &serde_json::Value| {
         let at = |i: usize| bound.get(i)?.as_f64();
         Some(DVec3::new(at(0)?, at(1)?, at(2)?))
     };
-    let [lo, hi] = [&accessor.min, &accessor.max].map(|bound| bound.as_ref().and_then(corner));
+    let [lo, hi] = [&json.min, &json.max].map(|bound| bound.as_ref().and_then(corner));
     Ok(lo.zip(hi).map(|(lo, hi)| [lo, hi]))
 }
 

@@ -102,22 +102,24 @@ fn is_lit(imported: &Imported) -> bool {
 /// When a triangle's coordinates are not finite or too large for Embree.
 pub fn main_object(imported: &Imported) -> Result<(Vec<bool>, String), EmbreeError> {
     let mesh = &imported.mesh;
-    let mut is_main = find(mesh, imported)?.is_main;
-    if let Some(camera) = &imported.camera {
-        let obstacles = Obstacles::new(mesh, &is_main)?;
-        if obstacles.visible_share(&corners(mesh, &is_main), camera.position) == 0.0 {
-            is_main.fill(true);
-        }
-    }
+    let is_main = find(mesh, imported)?.is_main;
     let names = text::main_object_words(&selection(mesh, &is_main, imported));
     Ok((is_main, names))
 }
 
-/// The subject of a mesh with the materials of a scene file.
+/// The subject of a mesh with the materials and the camera of a scene file. What the camera does not see is
+/// not it: then everything is.
 fn find(mesh: &Mesh, imported: &Imported) -> Result<Subject, EmbreeError> {
     let is_clear = |m: &MaterialParams| m.model.transmits() || m.opacity < MIN_OPACITY;
     let is_clear: Vec<bool> = imported.materials.iter().map(|(_, m)| is_clear(m)).collect();
-    subject::find(mesh, &is_clear)
+    let mut subject = subject::find(mesh, &is_clear)?;
+    if let Some(camera) = &imported.camera {
+        let obstacles = Obstacles::new(mesh, &subject.is_main)?;
+        if obstacles.visible_share(&corners(mesh, &subject.is_main), camera.position) == 0.0 {
+            subject.is_main.fill(true);
+        }
+    }
+    Ok(subject)
 }
 
 /// Stages what the scene file `file` lacks of camera and lights; `imported` is as it was read.
@@ -191,7 +193,8 @@ fn corners(mesh: &Mesh, is_main: &[bool]) -> Vec<Vec3> {
     selected.flat_map(|(t, _)| t.map(|i| mesh.positions[i as usize])).collect()
 }
 
-fn bounds(mesh: &Mesh, is_main: &[bool]) -> Bounds {
+/// The bounding box of the main object.
+pub(super) fn bounds(mesh: &Mesh, is_main: &[bool]) -> Bounds {
     Bounds::of(corners(mesh, is_main))
 }
 
