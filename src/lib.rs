@@ -39,7 +39,7 @@
 //! | [`photo`] | photographs as looks, signatures learned from them |
 //! | [`optim`] | NLopt's searches, finite differences |
 //! | [`export`] | lit scenes for other renderers |
-//! | [`audit`] | the run directory |
+//! | [`audit`] | the run directory, `lights.toml`, what a stored basis says of itself, what an unfinished command has made |
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |
 //! | [`cli`] | the command line |

@@ -1,5 +1,5 @@
 //! Command-line entry point. Exit codes: 0 done, 1 failed, 2 usage, 128 and the number of a signal
-//! that ended the work in order.
+//! that ended the work.
 
 use std::process::ExitCode;
 

@@ -91,8 +91,8 @@ impl RunDir {
             Ok(entries) => entries.flatten().all(|entry| {
                 // What whoever records a run has begun there, or left when it was killed.
                 let name = entry.file_name();
-                let destination = temporary_of(&name.to_string_lossy()).map(str::to_owned);
-                name == unfinished::UNFINISHED || destination.is_some_and(|name| is_ours(&name))
+                let name = name.to_string_lossy();
+                name == unfinished::UNFINISHED || temporary_of(&name).is_some_and(is_ours)
             }),
         };
         let is_run = path.join(MANIFEST).exists();

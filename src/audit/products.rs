@@ -20,7 +20,7 @@ use std::{
 use super::AuditError;
 use crate::{
     files::atomic::write_unsynced,
-    math::hash::{hash_bytes, hash_words},
+    math::hash::{hash_bytes, hash_on, hash_words},
 };
 
 /// Work after which a product that is growing is kept again: no more than that is lost.
@@ -68,7 +68,7 @@ impl Products {
     pub fn load(&self, key: u64, kind: &str) -> Option<Vec<u8>> {
         let mut bytes = fs::read(self.path(key, kind)?).ok()?;
         let length = bytes.len().checked_sub(8)?;
-        let hash = bytes[..length].chunks(CHUNK).fold(0, fold).to_le_bytes();
+        let hash = bytes[..length].chunks(CHUNK).fold(0, hash_on).to_le_bytes();
         (bytes[length..] == hash).then(|| {
             bytes.truncate(length);
             bytes
@@ -145,7 +145,7 @@ struct Hashed<'a, W> {
 
 impl<W: Write> Hashed<'_, W> {
     fn put(&mut self) -> io::Result<()> {
-        self.hash = fold(self.hash, &self.chunk);
+        self.hash = hash_on(self.hash, &self.chunk);
         self.file.write_all(&self.chunk)?;
         self.chunk.clear();
         Ok(())
@@ -172,13 +172,6 @@ impl<W: Write> Write for Hashed<'_, W> {
     fn flush(&mut self) -> io::Result<()> {
         self.file.flush()
     }
-}
-
-/// Hash of what came before, `hash`, and of the chunk of bytes that follows.
-fn fold(hash: u64, chunk: &[u8]) -> u64 {
-    let (words, rest) = chunk.as_chunks::<8>();
-    let sum = words.iter().fold(hash, |sum, &word| hash_words(&[sum, u64::from_le_bytes(word)]));
-    hash_words(&[sum, hash_bytes(rest.iter().copied()), chunk.len() as u64])
 }
 
 #[cfg(test)]

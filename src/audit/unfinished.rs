@@ -10,7 +10,10 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::{AuditError, lock, write_whole};
-use crate::files::{atomic::temporary_of, toml_file};
+use crate::files::{
+    atomic::sweep,
+    toml_file::{self, TomlError},
+};
 
 /// Name of the directory in a run directory, or in one of figures, that is there while the work is not
 /// done.
@@ -28,7 +31,7 @@ pub struct Command {
     pub schema: u32,
     /// Directory in which it was begun, to which its relative paths refer.
     pub directory: PathBuf,
-    /// Its words after the name of the program.
+    /// Words of the command line after the name of the subcommand.
     pub arguments: Vec<String>,
 }
 
@@ -78,7 +81,7 @@ impl Unfinished {
         let lock = claim(directory, true)?;
         let unfinished = Self { directory: directory.into(), made, _lock: lock };
         Self::check(directory, force)?;
-        unfinished.empty(|_| true).map_err(fail("empty the directory"))?;
+        unfinished.empty().map_err(fail("empty the directory"))?;
         let text =
             toml::to_string(command).map_err(|e| fail("record the command in")(io::Error::other(e)))?;
         write_whole(&directory.join(COMMAND), text)?;
@@ -88,7 +91,7 @@ impl Unfinished {
     /// Takes up a command whose record and products are in `directory`.
     ///
     /// # Errors
-    /// When there is none, it cannot be read, or it is at work.
+    /// When there is none, its record cannot be read or is of another version, or it is at work.
     pub fn take_up(directory: &Path) -> Result<(Self, Command), AuditError> {
         let nothing = || AuditError::NothingUnfinished { path: shown(directory) };
         let record = directory.join(COMMAND);
@@ -97,10 +100,18 @@ impl Unfinished {
         }
         let lock = claim(directory, false)?;
         let unfinished = Self { directory: directory.into(), made: Vec::new(), _lock: lock };
-        let text = fs::read_to_string(&record).map_err(|_| nothing())?;
+        let text = fs::read_to_string(&record).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => nothing(),
+            _ => AuditError::Io { path: record.clone(), action: "read the record", source },
+        })?;
         let command: Command = toml_file::parse(&record, &text)?;
-        let fail = |source| AuditError::Io { path: directory.into(), action: "empty the directory", source };
-        unfinished.empty(|name| temporary_of(name).is_some()).map_err(fail)?;
+        if command.schema != SCHEMA {
+            let message =
+                format!("`schema`: this program reads version {SCHEMA}, the file says {}", command.schema);
+            // It is the first key of the record.
+            return Err(TomlError { path: record, line: 1, message }.into());
+        }
+        sweep(directory, |_| true);
         Ok((unfinished, command))
     }
 
@@ -133,13 +144,10 @@ impl Unfinished {
         fs::read_dir(&self.directory).is_ok_and(|entries| entries.flatten().all(|e| e.file_name() == COMMAND))
     }
 
-    /// Removes the files in the directory whose names `is_old` accepts.
-    fn empty(&self, is_old: impl Fn(&str) -> bool) -> io::Result<()> {
+    /// Removes the files in the directory.
+    fn empty(&self) -> io::Result<()> {
         for entry in fs::read_dir(&self.directory)? {
-            let entry = entry?;
-            if is_old(&entry.file_name().to_string_lossy()) {
-                fs::remove_file(entry.path())?;
-            }
+            fs::remove_file(entry?.path())?;
         }
         Ok(())
     }
@@ -198,10 +206,19 @@ mod tests {
         assert!(matches!(Unfinished::take_up(&place), Err(AuditError::Busy { .. })));
         assert!(matches!(Unfinished::begin(&place, &command, true), Err(AuditError::Busy { .. })));
         fs::write(first.products().join("x"), "").unwrap();
-        fs::write(first.products().join(".y.1-0.tmp"), "").unwrap();
+        // Process numbers end at 2^22.
+        fs::write(first.products().join(".y.4194304-0.tmp"), "").unwrap();
         assert!(!first.is_empty());
         drop(first);
         assert!(matches!(Unfinished::begin(&place, &command, false), Err(AuditError::Unfinished { .. })));
+        let record = |command: &Command| {
+            fs::write(place.join(COMMAND), toml::to_string(command).unwrap()).unwrap();
+        };
+        record(&Command { schema: 2, ..command.clone() });
+        let error = Unfinished::take_up(&place).unwrap_err().to_string();
+        let wanted = "command.toml:1: `schema`: this program reads version 1, the file says 2";
+        assert!(error.ends_with(wanted), "{error}");
+        record(&command);
         let (again, found) = Unfinished::take_up(&place).unwrap();
         assert_eq!(found, command);
         let mut left: Vec<_> =

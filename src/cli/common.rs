@@ -1,6 +1,6 @@
 //! Options that several subcommands share.
 
-use std::{io::Write as _, path::Path};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use clap::{
@@ -20,6 +20,7 @@ use crate::{
     integrator::{Integrator, IntegratorKind},
     lighting::{Lighting, MAX_EXPOSURE},
     math::display::LuminanceMode,
+    photo::Look,
     picture::Note,
     sampler::SamplerKind,
     scene::Scene,
@@ -82,7 +83,7 @@ impl FromArgMatches for IntegratorFlags {
     }
 }
 
-/// Options of the subcommands that load a scene.
+/// The camera of the scene file through which pictures are seen.
 #[derive(Clone, Debug, Default, Args)]
 pub struct CameraArgs {
     /// Camera of the scene file to see through: its name, or its number from 1 [default: the sidecar's,
@@ -148,10 +149,7 @@ pub fn in_pool<T: Send>(
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     let (wanted, most) = (threads.map_or(0, usize::from), MAX_THREADS_PER_PROCESSOR * processors);
     if wanted > most {
-        let _ = writeln!(
-            std::io::stderr(),
-            "--threads {wanted}: using {most}, {MAX_THREADS_PER_PROCESSOR} a processor"
-        );
+        say(&format!("--threads {wanted}: using {most}, {MAX_THREADS_PER_PROCESSOR} a processor"));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(wanted.min(most))
@@ -178,15 +176,13 @@ impl From<LuminanceArg> for LuminanceMode {
     }
 }
 
-/// Parses an exposure: a finite number above 0.
+/// Parses an exposure: a number from 1 / [`MAX_EXPOSURE`] to [`MAX_EXPOSURE`].
 ///
 /// # Errors
 /// With what is allowed.
 pub fn parse_exposure(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => {
-            Ok(value)
-        }
+        Ok(value) if (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => Ok(value),
         _ => Err(format!("must be a number above 0, from {:e} to {MAX_EXPOSURE:e}", 1.0 / MAX_EXPOSURE)),
     }
 }
@@ -225,6 +221,13 @@ pub fn say_notes(path: &Path, notes: &[Note], has_layer: bool) {
             _ => "",
         };
         say_note(&format!("{}: {note}{choice}", path.display()));
+    }
+}
+
+/// Says what people should hear of how the photograph of a look was read.
+pub fn say_look(look: &Look) {
+    if let Look::Photo { path, photo } = look {
+        say_notes(path, photo.notes(), false);
     }
 }
 

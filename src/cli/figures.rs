@@ -53,7 +53,7 @@ fn parts(args: &FiguresArgs) -> anyhow::Result<Vec<Part>> {
 /// Makes the parts, and prints the path of the page; `force` replaces earlier ones.
 fn make(args: &FiguresArgs, force: bool, parts: &[Part], unfinished: &Unfinished) -> anyhow::Result<()> {
     let console = Console::new();
-    signals::end_in_order("ending after the present picture");
+    signals::end_in_order("keeping what is finished");
     let done = args.transport.in_pool(|| {
         let mut workshop = Workshop::open(args, force, parts, &console, unfinished.products())?;
         workshop.make(parts)

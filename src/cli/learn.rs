@@ -136,22 +136,21 @@ pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
     let Some(place) = &args.resume else {
         check_output(args)?;
         let unfinished = resume::begin(&beside(args.output()), true)?;
-        return learn_all(args, unfinished);
+        return learn_all(args, args.output(), unfinished);
     };
     let (unfinished, args) =
         resume::take_up("learn-signature", place, &beside(place), |args: &LearnArgs| {
             Ok(beside(args.output()))
         })?;
     check_output(&args)?;
-    learn_all(&args, unfinished)
+    learn_all(&args, place, unfinished)
 }
 
-/// Learns what `args` say and prints it; done or failed, it is at its end.
-fn learn_all(args: &LearnArgs, unfinished: Unfinished) -> anyhow::Result<()> {
+/// Learns what `args` say and prints it; whoever would go on with it knows the library as `place`.
+fn learn_all(args: &LearnArgs, place: &Path, unfinished: Unfinished) -> anyhow::Result<()> {
     let products = Products::new(Some(unfinished.products()));
     let result = learn_kept(args, &products);
-    unfinished.end()?;
-    result
+    resume::end(unfinished, "learn-signature", place, result)
 }
 
 /// Learns what `args` say, with what an earlier attempt has measured, and prints it.

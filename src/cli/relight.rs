@@ -16,8 +16,8 @@ use crate::{
 
 /// Light a stored scene anew, without rendering
 ///
-/// BASIS is a transport basis that `run --cache DIR` has left in DIR. It holds the scene's
-/// picture under every lighting that the run could have chosen.
+/// BASIS is a transport basis that `run` has kept: with `--cache DIR` in DIR, with `--keep-basis` in
+/// the run directory. It holds the scene's picture under every lighting that the run could have chosen.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree run --cache bases fruit_basket.obj\n  \

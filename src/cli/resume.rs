@@ -1,15 +1,14 @@
 //! Going on with a command that was stopped or killed.
 
 use std::{
-    env,
-    io::{self, Write as _},
+    env, io,
     path::{Path, PathBuf},
 };
 
 use anyhow::{Context, bail};
 use clap::{Args, Command as Parser};
 
-use super::signals;
+use super::{output::say, signals};
 use crate::{
     audit::unfinished::{Command, Unfinished},
     files::atomic::sweep,
@@ -21,7 +20,7 @@ const FIRST: usize = 2;
 /// Begins a command whose record and products go to `directory`.
 ///
 /// # Errors
-/// Those of [`Unfinished::begin`].
+/// Every error of [`Unfinished::begin`]; also when the current directory is unknown.
 pub fn begin(directory: &Path, force: bool) -> anyhow::Result<Unfinished> {
     let here = env::current_dir().context("cannot tell the current directory")?;
     // Names that are no text would not be found again: such a command is recorded as they look.
@@ -33,7 +32,9 @@ pub fn begin(directory: &Path, force: bool) -> anyhow::Result<Unfinished> {
 /// and reads its arguments again; `writes_to` tells from them where it writes.
 ///
 /// # Errors
-/// Those of [`Unfinished::take_up`], or when the place has been moved.
+/// Every error of [`Unfinished::take_up`]; also when the current directory is unknown, when the directory in
+/// which the command was begun cannot be entered, when its arguments are not understood, or when the place has
+/// been moved.
 pub fn take_up<A: Args>(
     name: &'static str,
     place: &Path,
@@ -71,7 +72,7 @@ pub fn take_up<A: Args>(
 /// it.
 ///
 /// # Errors
-/// `result`, or when the products cannot be removed.
+/// The error of `result`; without one, when the products of what is done cannot be removed.
 pub fn end<T>(
     unfinished: Unfinished,
     name: &str,
@@ -85,10 +86,11 @@ pub fn end<T>(
         Err(e) => unfinished.is_empty() || !e.chain().any(|cause| cause.is::<io::Error>()),
     };
     if is_done {
-        unfinished.end()?;
-    } else {
-        // Standard error may be closed.
-        let _ = writeln!(io::stderr(), "to go on: lightopt-embree {name} --resume {}", place.display());
+        let ended = unfinished.end();
+        let value = result?;
+        ended?;
+        return Ok(value);
     }
+    say(&format!("to go on: lightopt-embree {name} --resume {}", place.display()));
     result
 }

@@ -16,7 +16,7 @@ use super::{
     choices::{GRADIENTS, one_of},
     common::{
         CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting,
-        load_scene, luminance_mode, parse_exposure, parse_spp, say_note,
+        load_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -57,8 +57,9 @@ use crate::{
     lightopt-embree run --resume runs/fruit_basket-high-key\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
     per iteration, run.toml with all options, and logs of every evaluation.\n\
-    Ctrl-C, SIGTERM or SIGHUP ends the run within seconds and keeps what is found: lights.toml, the\n\
-    record, and the final picture as far as it is; twice quits at once. `run --resume DIR` goes on.\n\
+    Ctrl-C, SIGTERM or SIGHUP ends the run within two seconds and keeps what is found: lights.toml,\n\
+    the record, and the final picture as far as it is; twice quits at once. `run --resume DIR` goes\n\
+    on.\n\
     Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RunArgs {
     /// Scene to light: Wavefront OBJ or glTF, with its sidecar
@@ -247,7 +248,7 @@ fn work(
     unfinished: &Unfinished,
 ) -> anyhow::Result<()> {
     for (look, _) in &wanted {
-        look.notes().iter().for_each(|note| say_note(note));
+        say_look(look);
     }
     let scene_path = import::find(args.scene())?;
     let console = Console::new();

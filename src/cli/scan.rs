@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use plotters::prelude::*;
 
-use super::{common::say_note, relight};
+use super::{common::say_look, relight};
 use crate::{
     audit::{lights::LightsFile, write_whole},
     design::evaluator::Evaluator,
@@ -59,7 +59,7 @@ pub struct ScanArgs {
 /// When the basis, the lighting or the variable is wrong, or nothing can be written.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let look = Look::resolve(&args.target, None)?;
-    look.notes().iter().for_each(|note| say_note(note));
+    say_look(&look);
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
         bail!("{}: the table ends in .csv", args.output.display());
     }

@@ -85,8 +85,8 @@ pub fn received() -> bool {
     RECEIVED.load(Ordering::Relaxed) != 0
 }
 
-/// The exit status of a program that ends without an error: 0, or 128 and the number of the signal
-/// that ended its work.
+/// The exit status of a program that has not failed by itself: 0, or 128 and the number of the signal that
+/// ended its work.
 #[must_use]
 pub fn exit_code() -> ExitCode {
     match RECEIVED.load(Ordering::Relaxed) {

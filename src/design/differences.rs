@@ -19,6 +19,7 @@ use crate::{
     audit::{picture, products::Products},
     film::Picture,
     integrator::RenderError,
+    lighting::{Lighting, SamplingPlan},
     objective::{Evaluation, JackknifeEstimate, Smoothing},
     optim::{self, Interrupt, OptimError, StopReason, difference},
 };
@@ -80,7 +81,7 @@ pub(super) fn unit_picture(stage: &Stage, reporter: &impl Reporter) -> Result<Pi
     let seed = seed_for(stage.options.seed, Purpose::Survey);
     let budget = Budget { seed, spp: SURVEY_SPP, n_replicates: 1 };
     let plan = stage.plan(&lighting);
-    Ok(stage.renderer().render_once(stage, &lighting, &plan, budget, reporter, reporter)?.picture)
+    Ok(stage.render_once(&lighting, &plan, budget, reporter, reporter)?.picture)
 }
 
 /// f_q at the neutral start, with its error.
@@ -109,7 +110,7 @@ fn measure(
     let seed = seed_for(setup.options.seed, purpose);
     let budget = Budget { seed, spp: REPORTED_FACTOR * spp, n_replicates: REPORTED_REPLICATES };
     let (plan, observer) = (setup.plan(&lighting), Unstoppable(reporter));
-    let rendered = setup.renderer().render_once(&setup, &lighting, &plan, budget, reporter, &observer)?;
+    let rendered = setup.render_once(&lighting, &plan, budget, reporter, &observer)?;
     Ok(rendered.measure(&task.objective)?.estimate)
 }
 
@@ -232,26 +233,28 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         }
     }
 
-    /// Working render of the point `u`.
-    fn render(&mut self, u: &[f64]) -> Result<MeasuredPicture, RunError> {
+    /// What a working render of the point `u` is made from; counts it.
+    fn working(&mut self, u: &[f64]) -> (Lighting, SamplingPlan, Budget) {
         let setup = self.setup;
         let lighting = setup.lighting(u);
         *self.renders += 1;
         let seed = seed_for(setup.options.seed, Purpose::Optimise);
         let budget = Budget { seed, spp: self.spp, n_replicates: REPLICATES };
         let plan = setup.plan(&lighting);
-        setup.renderer().render_once(&setup, &lighting, &plan, budget, self.reporter, self.reporter)
+        (lighting, plan, budget)
+    }
+
+    /// Working render of the point `u`.
+    fn render(&mut self, u: &[f64]) -> Result<MeasuredPicture, RunError> {
+        let (lighting, plan, budget) = self.working(u);
+        self.setup.render_once(&lighting, &plan, budget, self.reporter, self.reporter)
     }
 
     /// Smoothed f_q of the working render of the point `u`; of what is only measured so, the number is kept
     /// and not the picture.
     fn value(&mut self, u: &[f64], smoothing: &Smoothing) -> Result<f64, RunError> {
+        let (lighting, plan, budget) = self.working(u);
         let (setup, reporter) = (self.setup, self.reporter);
-        let lighting = setup.lighting(u);
-        *self.renders += 1;
-        let seed = seed_for(setup.options.seed, Purpose::Optimise);
-        let budget = Budget { seed, spp: self.spp, n_replicates: REPLICATES };
-        let plan = setup.plan(&lighting);
         let words = format!("{smoothing:?} {:?}", self.task.job.target);
         let key = Products::key(&words, &[picture_key(&setup, &lighting, &plan, setup.camera, budget)]);
         let kept = setup.products.load(key, VALUE);

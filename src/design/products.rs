@@ -2,14 +2,14 @@
 
 use super::{
     Reporter, RunError,
-    render::{Between, Budget, MeasuredPicture, Renderer},
+    render::{Between, Budget, MeasuredPicture},
     setup::Stage,
 };
 use crate::{
     audit::products::Products,
     camera::Camera,
     film::RgbFilm,
-    integrator::{Observer, View},
+    integrator::Observer,
     lighting::{Lighting, SamplingPlan},
 };
 
@@ -77,28 +77,27 @@ pub(super) fn picture_key(
     Products::key(&words, &[samples_key(stage, camera, plan, seed)])
 }
 
-impl Renderer {
-    /// Renders replicates of a working picture as [`Self::render`] does, or takes what an earlier attempt has
-    /// rendered.
+impl Stage<'_> {
+    /// Renders replicates of a working picture as [`Renderer::render`](super::render::Renderer::render) does,
+    /// or takes what an earlier attempt has rendered.
     pub(super) fn render_once(
         &self,
-        stage: &Stage,
         lighting: &Lighting,
         plan: &SamplingPlan,
         budget: Budget,
         reporter: &impl Reporter,
         observer: &impl Observer,
     ) -> Result<MeasuredPicture, RunError> {
-        let key = picture_key(stage, lighting, plan, stage.camera, budget);
-        let kept = stage.products.load(key, RENDER);
+        let renderer = self.renderer();
+        let key = picture_key(self, lighting, plan, self.camera, budget);
+        let kept = self.products.load(key, RENDER);
         if let Some(kept) =
-            kept.and_then(|bytes| MeasuredPicture::read(&bytes, lighting.exposure, self.luminance))
+            kept.and_then(|bytes| MeasuredPicture::read(&bytes, lighting.exposure, renderer.luminance))
         {
             return Ok(kept);
         }
-        let View { scene, camera } = stage.view();
-        let rendered = self.render(View { scene, camera }, lighting, plan, budget, observer)?;
-        stage.products.save(key, RENDER, |text| reporter.note(text), |out| rendered.write(out));
+        let rendered = renderer.render(self.view(), lighting, plan, budget, observer)?;
+        self.products.save(key, RENDER, |text| reporter.note(text), |out| rendered.write(out));
         Ok(rendered)
     }
 }

@@ -45,13 +45,14 @@ pub fn run(
         .collect::<Result<Vec<_>, _>>()?;
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
-    let (content, fitted) =
-        rayon::join(|| manifest::content(subject.path), || Fitted::new(view, subject.authored, constraints));
+    let ((content, fingerprint), fitted) = rayon::join(
+        || (manifest::content(subject.path), scene.fingerprint()),
+        || Fitted::new(view, subject.authored, constraints),
+    );
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
     let deadline = Deadline::new(start, options.time_limit);
     let (fitted, aovs, products) = (&fitted, &aovs, &Products::new(options.products.as_deref()));
-    let fingerprint = scene.fingerprint();
     let camera = &camera;
     let stage = Stage { scene, camera, fitted, constraints, aovs, options, deadline, fingerprint, products };
     let mut basis = match options.gradient {
@@ -139,7 +140,7 @@ struct Reports {
 fn find_together(
     mut tasks: Vec<Task>,
     setup: Setup,
-    basis: Option<&mut WorkingBasis>,
+    mut basis: Option<&mut WorkingBasis>,
     reports: &mut Reports,
     reporter: &impl Reporter,
 ) -> Result<(), RunError> {
@@ -149,21 +150,19 @@ fn find_together(
         let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
         reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", task.job.target.name()));
     }
-    let found = match basis {
-        Some(basis) => {
-            let found = basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?;
-            // What is found is on disk before any picture is begun, the lights before the large basis.
-            write_lights(&tasks, &found, setup)?;
-            basis.store(setup, reporter)?;
-            found
-        }
+    let found = match basis.as_deref_mut() {
+        Some(basis) => basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?,
         None => tasks
             .iter_mut()
             .map(|task| differences::find(task, setup, &mut reports.renders, reporter))
             .collect::<Result<_, _>>()?,
     };
-    let seconds = clock.elapsed().as_secs_f64();
+    // What is found is on disk before any picture is begun, the lights before the large basis.
     write_lights(&tasks, &found, setup)?;
+    if let Some(basis) = basis {
+        basis.store(setup, reporter)?;
+    }
+    let seconds = clock.elapsed().as_secs_f64();
     for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
         finish(task, found, initial, seconds, setup, reports, reporter)?;
     }

@@ -11,7 +11,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::Part;
-use crate::audit::unfinished::UNFINISHED;
+use crate::{audit::unfinished::UNFINISHED, files::atomic::temporary_of};
 
 /// Name of the manifest, the file that makes a directory one of figures.
 pub const MANIFEST: &str = "manifest.json";
@@ -68,8 +68,11 @@ pub fn check(path: &Path, force: bool) -> Result<(), ManifestError> {
     let is_empty = match fs::read_dir(path) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => true,
         Err(source) => return Err(fail(path, "read the directory")(source)),
-        // Whoever makes figures has begun it there.
-        Ok(entries) => entries.flatten().all(|e| e.file_name() == UNFINISHED),
+        Ok(entries) => entries.flatten().all(|e| {
+            // What whoever makes figures has begun there, or left when it was killed.
+            let name = e.file_name();
+            name == UNFINISHED || temporary_of(&name.to_string_lossy()) == Some(MANIFEST)
+        }),
     };
     match (is_empty, path.join(MANIFEST).exists(), force) {
         (true, ..) | (_, true, true) => Ok(()),
@@ -165,6 +168,8 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let figures = root.path().join("figures");
         fs::create_dir(&figures).unwrap();
+        // Of a killed process.
+        fs::write(figures.join(".manifest.json.4194304-0.tmp"), "half").unwrap();
         assert!(check(&figures, false).is_ok());
         for name in ["mine", "figures/fig2.png", "figures/notes.txt"] {
             fs::write(root.path().join(name), "").unwrap();

@@ -307,7 +307,7 @@ impl<'a> Workshop<'a> {
             "The fruit basket, background fixed, at {} × {} pixels. Left, paper mode: fresh renders of {} samples \
              per pixel and forward differences from one start, at most {} evaluations; f_q as measured, noise \
              included. Right, default mode: the evaluations that led to the result on one transport basis, \
-             freed of noise bias, from the best of some five hundred starts. Smoothing of f_q is lowered in stages. \
+             freed of noise bias, from the best of some 260 starts. Smoothing of f_q is lowered in stages. \
              Seconds are in {TIMINGS}.",
             s.compared_size.x, s.compared_size.y, s.compared_spp, s.max_evaluations
         );
