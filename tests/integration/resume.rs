@@ -54,7 +54,7 @@ fn stop_after(room: &Room, arguments: &[&str], time: Duration, signal: &str) -> 
 
 /// Runs that render bases, refine and check them, and pictures long enough to be stopped.
 const RUNS: [&[&str]; 3] = [
-    &["--work-size", "32x24", "--size", "96x72", "--final-spp", "300", "--tolerance", "0.01", "--keep-basis"],
+    &["--work-size", "32x24", "--size", "96x72", "--final-spp", "150", "--tolerance", "0.01", "--keep-basis"],
     &["--work-size", "24x18", "--size", "48x36", "--final-spp", "100", "--targets", "high-key,low-key"],
     &[
         "--gradient",
@@ -199,11 +199,11 @@ fn what_the_cache_held_at_first_holds_for_the_whole_run() {
         [&options[..], &["--size", "96x72", "--final-spp", spp, "--tolerance", "0.02"]].concat()
     };
     // Stopped in its pictures, when the basis it found is in the cache already.
-    let mut child = start(&room, &run("a", "cache a", "3000"), "initial picture");
+    let mut child = start(&room, &run("a", "cache a", "300"), "initial picture");
     end(&mut child, "-TERM", 143);
     assert_eq!(names(&room.path("cache a")).len(), 1);
     room.succeed(&["run", "--resume", "a"]);
-    room.succeed(&run("b", "cache b", "3000"));
+    room.succeed(&run("b", "cache b", "300"));
     assert_equal(&room, "a", "b");
     assert_equal(&room, "cache a", "cache b");
 }
