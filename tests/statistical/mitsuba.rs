@@ -105,7 +105,7 @@ fn check(name: &str, kind: IntegratorKind, spp: u32) {
 }
 
 /// A test a scene: samples per pixel and render of each integrator, as many as
-/// make the mean's error 0.1 to 0.3 %. Path tracing that needs more is left out.
+/// make the mean's error about 0.3 %. Path tracing that needs more is left out.
 macro_rules! scenes {
     ($($name:ident: $($kind:ident $spp:literal)+;)+) => {
         const SCENES: &[&str] = &[$(stringify!($name)),+];
@@ -117,26 +117,26 @@ macro_rules! scenes {
 }
 
 scenes! {
-    cornell: Bdpt 16 Path 32;
-    glossy_floor: Bdpt 16 Path 64;
-    smooth_plastic: Bdpt 16 Path 32;
-    rough_conductor: Bdpt 16 Path 32;
-    caustic: Bdpt 32;
-    smooth_glass: Bdpt 32;
-    rough_glass: Bdpt 32;
-    smooth_normals: Bdpt 16 Path 32;
-    lights_in_line: Bdpt 16 Path 32;
-    textured: Bdpt 16 Path 32;
-    point_light: Bdpt 16 Path 32;
-    environment: Bdpt 16 Path 32;
-    overcast: Bdpt 16 Path 32;
-    spot: Bdpt 16 Path 32;
-    sun: Bdpt 16 Path 32;
-    shining_mesh: Bdpt 16 Path 32;
-    thin_lens: Bdpt 16 Path 32;
-    normal_mapped: Bdpt 16 Path 32;
-    cutout: Bdpt 16 Path 32;
-    metallic_blend: Bdpt 16 Path 32;
+    cornell: Bdpt 32 Path 64;
+    glossy_floor: Bdpt 32 Path 64;
+    smooth_plastic: Bdpt 32 Path 64;
+    rough_conductor: Bdpt 32 Path 64;
+    caustic: Bdpt 48;
+    smooth_glass: Bdpt 48;
+    rough_glass: Bdpt 48;
+    smooth_normals: Bdpt 32 Path 64;
+    lights_in_line: Bdpt 32 Path 64;
+    textured: Bdpt 32 Path 64;
+    point_light: Bdpt 32 Path 64;
+    environment: Bdpt 32 Path 64;
+    overcast: Bdpt 32 Path 64;
+    spot: Bdpt 32 Path 64;
+    sun: Bdpt 32 Path 64;
+    shining_mesh: Bdpt 32 Path 64;
+    thin_lens: Bdpt 32 Path 64;
+    normal_mapped: Bdpt 32 Path 64;
+    cutout: Bdpt 32 Path 64;
+    metallic_blend: Bdpt 32 Path 64;
 }
 
 #[test]

@@ -22,7 +22,7 @@ fn a_closed_furnace_gives_the_geometric_series() {
         for (albedo, max_depth) in [(0.5, 8), (0.9, 24), (1.0, 5)] {
             let scene = scenes::furnace(albedo);
             let integrator = Integrator { kind, max_depth, ..PATH };
-            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 32, 32);
+            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 32, 64);
             let expected: f64 = (0..max_depth).map(|k| f64::from(albedo).powi(k as i32)).sum();
             let z = (m.total.mean() - expected) / m.total.variance_of_mean().sqrt().max(1e-9);
             println!("{kind:?} albedo {albedo}: {} expected {expected}, z {z:.2}", m.total.mean());
@@ -44,7 +44,7 @@ fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
 #[test]
 fn path_equals_bdpt_in_every_scene() {
     for (i, make) in scenes::ALL.into_iter().enumerate() {
-        path_equals_bdpt(&make((16, 16)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
+        path_equals_bdpt(&make((24, 24)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
     }
 }
 
