@@ -91,10 +91,11 @@ struct Head {
 
 /// What is read of a glTF beside its [`Root`].
 struct Rest {
-    /// As many as there are nodes.
+    /// Place of each node in its parent, in the order of the nodes.
     places: Vec<Place>,
-    /// As many as there are materials.
+    /// What each material has that `gltf-json` does not tell from the default, in the order of the materials.
     materials: Vec<MaterialHead>,
+    /// Animations, with targets of any kind.
     animations: Vec<Animation>,
 }
 
