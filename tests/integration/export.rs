@@ -13,6 +13,8 @@ use predicates::prelude::*;
 use predicates::str::contains;
 use tempfile::TempDir;
 
+use crate::room::program;
+
 /// Two triangles under a name that is no file name, one textured under another.
 const OBJ: &str = "mtllib s.mtl
 v 0 0 0
@@ -69,8 +71,8 @@ fn scene_dir(lights: &str) -> TempDir {
 }
 
 fn export(directory: &Path) -> Command {
-    let mut command = Command::cargo_bin("lightopt-embree").unwrap();
-    command.current_dir(directory).args(["export", "--format", "mitsuba", "-o", "out", "s.obj"]);
+    let mut command = program(directory);
+    command.args(["export", "--format", "mitsuba", "-o", "out", "s.obj"]);
     command
 }
 

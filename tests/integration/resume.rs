@@ -12,7 +12,7 @@ use lightopt_embree::film::exr::read_exr;
 
 use crate::{
     reliability::{end, spawn, start},
-    room::{MTL, OBJ, Room, TOML, names, wait_for},
+    room::{MTL, OBJ, Room, TOML, names, signal, wait_for},
 };
 
 /// Bytes of all files below a directory, by their paths, but those that hold seconds.
@@ -37,16 +37,16 @@ fn assert_equal(room: &Room, a: &str, b: &str) {
     }
 }
 
-/// Starts the program, sends it a signal after some time, and waits for its end. Returns whether it was
+/// Starts the program, sends it the signal of a name after some time, and waits for its end. Returns whether it was
 /// still at work.
-fn stop_after(room: &Room, arguments: &[&str], time: Duration, signal: &str) -> bool {
+fn stop_after(room: &Room, arguments: &[&str], time: Duration, name: &str) -> bool {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("lightopt-embree"));
     command.current_dir(room.directory.path()).args(arguments);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     std::thread::sleep(time);
     let is_at_work = child.try_wait().unwrap().is_none();
     if is_at_work {
-        Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        signal(&child, name);
     }
     child.wait().unwrap();
     is_at_work

@@ -78,8 +78,8 @@ impl Room {
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::cargo_bin("lightopt-embree").unwrap();
-        command.current_dir(self.directory.path()).args(arguments);
+        let mut command = program(self.directory.path());
+        command.args(arguments);
         command
     }
 
