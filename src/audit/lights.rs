@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::stored::About;
 use crate::{
-    files::{nearest, toml_file::TomlError},
-    lighting::{Lighting, MAX_RADIANCE},
+    files::{nearest, number::Number, toml_file::TomlError},
+    lighting::{Lighting, MAX_EXPOSURE, MAX_RADIANCE},
     scene::Scene,
     transport::Layout,
 };
@@ -22,8 +22,8 @@ pub struct LightsFile {
     /// Version of the format, which must be 1.
     pub schema: u32,
     /// Exposure, a factor on luminance before display encoding; that of the scene if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exposure: Option<f32>,
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
+    pub exposure: Option<f64>,
     /// Setting of the background; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<Background>,
@@ -37,7 +37,8 @@ pub struct LightsFile {
 #[serde(deny_unknown_fields)]
 pub struct Background {
     /// Value of the background, a factor on the base colour of its materials.
-    pub value: f32,
+    #[serde(serialize_with = "short")]
+    pub value: f64,
 }
 
 /// Setting of a light, `[[lights]]`.
@@ -47,10 +48,21 @@ pub struct LightSetting {
     /// Name of the light in the scene.
     pub name: String,
     /// Radiance L of the light, in its own unit.
-    pub radiance: f32,
+    #[serde(serialize_with = "short")]
+    pub radiance: f64,
     /// Size s of the light, a factor on its unit extents; that of the scene if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub size: Option<f32>,
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
+    pub size: Option<f64>,
+}
+
+/// Writes a number with the digits of an `f32`, which is what pictures are rendered with.
+fn short<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f32(*value as f32)
+}
+
+/// As [`short`], for a value that is there.
+fn short_option<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+    value.map(|v| v as f32).serialize(serializer)
 }
 
 /// A lighting cannot be read, or does not fit its scene or basis.
@@ -69,17 +81,17 @@ impl LightsFile {
     /// Settings that describe the lighting `x` of a scene.
     #[must_use]
     pub fn new(scene: &Scene, x: &Lighting) -> Self {
-        let background = Background { value: x.value as f32 };
+        let background = Background { value: x.value };
         let settings = scene.lights.iter().zip(&x.radiance).zip(&x.size);
         Self {
             schema: SCHEMA,
-            exposure: Some(x.exposure as f32),
+            exposure: Some(x.exposure),
             background: (!scene.background().is_empty()).then_some(background),
             lights: settings
                 .map(|((light, &radiance), &size)| LightSetting {
                     name: light.name.clone(),
-                    radiance: radiance as f32,
-                    size: light.has_size().then_some(size as f32),
+                    radiance,
+                    size: light.has_size().then_some(size),
                 })
                 .collect(),
         }
@@ -106,8 +118,8 @@ impl LightsFile {
     /// With the key, when a name is unknown or a value outside its range.
     pub fn apply(&self, scene: &Scene, x: &mut Lighting, path: &Path) -> Result<(), LightingError> {
         let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
-        let require = |ok: bool, key: String, what: &str, value: f32| {
-            if ok { Ok(()) } else { Err(fail(key, format!("must be {what}, got {value}"))) }
+        let require = |ok: bool, key: String, what: &str, value: f64| {
+            if ok { Ok(()) } else { Err(fail(key, format!("must be {what}, got {}", Number(value)))) }
         };
         for l in &self.lights {
             let Some(i) = scene.lights.iter().position(|s| s.name == l.name) else {
@@ -117,33 +129,30 @@ impl LightsFile {
                     .map_or_else(|| format!("; it has {}", known()), |n| format!("; did you mean `{n}`?"));
                 return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
             };
-            let allowed = format!(">= 0 and at most {MAX_RADIANCE:e}");
-            let ok = (0.0..=MAX_RADIANCE).contains(&l.radiance);
-            require(ok, format!("lights.{}.radiance", l.name), &allowed, l.radiance)?;
-            x.radiance[i] = f64::from(l.radiance);
-            let Some(size) = l.size else { continue };
-            let (key, fixed) = (format!("lights.{}.size", l.name), scene.lights[i].size);
-            require(size > 0.0 && size.is_finite(), key.clone(), "> 0", size)?;
+            x.radiance[i] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+            let Some(given) = l.size else { continue };
+            let (size, fixed) = (given as f32, scene.lights[i].size);
+            let key = format!("lights.{}.size", l.name);
+            require(size.is_normal() && size > 0.0, key.clone(), &positive(), given)?;
             if scene.lights[i].occludes && size != fixed {
-                let message = format!("must be {fixed}, since the light occludes, got {size}");
+                let message = format!("must be {fixed}, since the light occludes, got {}", Number(given));
                 return Err(fail(key, message));
             }
             x.size[i] = f64::from(size);
         }
         if let Some(Background { value }) = self.background {
             let albedo = scene.background_albedo();
-            let ok = value >= 0.0 && value * albedo <= 1.0 + 1e-5;
+            let ok = value >= 0.0 && value as f32 * albedo <= 1.0 + 1e-5;
             require(
                 ok,
                 "background.value".into(),
                 &format!("in [0, {}], for albedos up to 1", 1.0 / albedo),
                 value,
             )?;
-            x.value = f64::from(value);
+            x.value = f64::from(value as f32);
         }
         if let Some(e) = self.exposure {
-            require(e > 0.0 && e.is_finite(), "exposure".into(), "> 0", e)?;
-            x.exposure = f64::from(e);
+            x.exposure = exposure(e).map_err(|message| fail("exposure".into(), message))?;
         }
         Ok(())
     }
@@ -166,12 +175,9 @@ impl LightsFile {
                 let message = format!("the basis has no light `{}`; it has {known}", l.name);
                 return Err(fail("lights.name".into(), message));
             };
-            if !(0.0..=MAX_RADIANCE).contains(&l.radiance) {
-                let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", l.radiance);
-                return Err(fail(format!("lights.{}.radiance", l.name), message));
-            }
-            x.radiance[i] = f64::from(l.radiance);
-            let Some(size) = l.size else { continue };
+            x.radiance[i] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+            let Some(given) = l.size else { continue };
+            let (size, got) = (given as f32, Number(given));
             let cells = &layout.lights[i];
             let key = format!("lights.{}.size", l.name);
             // Sizes are written in f32.
@@ -181,34 +187,55 @@ impl LightsFile {
                 None => {
                     return Err(fail(
                         key,
-                        format!("is {} in this basis, and not free; got {size}", cells.size),
+                        format!("is {} in this basis, and not free; got {got}", cells.size),
                     ));
                 }
                 Some(_) if size > 0.0 && (size <= cells.size || near(size, cells.size)) => {
                     x.size[i] = f64::from(size.min(cells.size));
                 }
-                Some(_) => return Err(fail(key, format!("must be in (0, {}], got {size}", cells.size))),
+                Some(_) => return Err(fail(key, format!("must be in (0, {}], got {got}", cells.size))),
             }
         }
         if let Some(Background { value }) = self.background {
             let largest = layout.nodes.values()[0];
             let free = layout.nodes.len() > 1;
-            let value = f64::from(value);
+            let (value, got) = (f64::from(value as f32), Number(value));
             let same = (value - largest).abs() <= 1e-5 * largest;
             let allowed =
                 if free { format!("in [0, {largest}]") } else { format!("{largest}: it is not free") };
             if !(same || free && (0.0..=largest).contains(&value)) {
-                let message = format!("must be {allowed}, got {value}");
+                let message = format!("must be {allowed}, got {got}");
                 return Err(fail("background.value".into(), message));
             }
             x.value = value.min(largest);
         }
         if let Some(e) = self.exposure {
-            if !(e > 0.0 && e.is_finite()) {
-                return Err(fail("exposure".into(), format!("must be > 0, got {e}")));
-            }
-            x.exposure = f64::from(e);
+            x.exposure = exposure(e).map_err(|message| fail("exposure".into(), message))?;
         }
         Ok(())
     }
+}
+
+/// The radiance of a light, or its key and what is wrong with it.
+fn radiance(light: &LightSetting) -> Result<f32, (String, String)> {
+    let radiance = light.radiance as f32;
+    if (0.0..=MAX_RADIANCE).contains(&radiance) {
+        return Ok(radiance);
+    }
+    let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Number(light.radiance));
+    Err((format!("lights.{}.radiance", light.name), message))
+}
+
+/// The exposure, or what is wrong with it.
+fn exposure(given: f64) -> Result<f64, String> {
+    let (exposure, least) = (given as f32, 1.0 / MAX_EXPOSURE);
+    if (least..=MAX_EXPOSURE).contains(&exposure) {
+        return Ok(f64::from(exposure));
+    }
+    Err(format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {}", Number(given)))
+}
+
+/// What is allowed of a number that is positive.
+fn positive() -> String {
+    format!("> 0, from {:e} to {:e}", f32::MIN_POSITIVE, f32::MAX)
 }

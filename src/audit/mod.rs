@@ -77,13 +77,23 @@ impl RunDir {
     /// Checks that a run may be recorded at `path`, without touching it.
     ///
     /// # Errors
-    /// When something is there that `force` does not allow to replace, or
-    /// nothing can be written there.
+    /// When something is there that `force` does not allow to replace, another run is being recorded there,
+    /// or nothing can be written there.
     pub fn check(path: &Path, force: bool) -> Result<(), AuditError> {
+        Self::check_content(path, force)?;
+        if path.is_dir() { lock(path, path).map(drop) } else { Ok(()) }
+    }
+
+    /// As [`Self::check`], whoever holds the lock.
+    fn check_content(path: &Path, force: bool) -> Result<(), AuditError> {
         let is_empty = match fs::read_dir(path) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+            Err(source) if source.kind() == io::ErrorKind::NotFound => {
+                let fail = |action, source| AuditError::Io { path: path.into(), action, source };
+                if path.is_symlink() {
+                    return Err(fail("follow the link", source));
+                }
                 let parent = path.ancestors().skip(1).find(|p| p.exists()).unwrap_or(Path::new(""));
-                return Ok(probe(&parent.join(MANIFEST))?);
+                return probe(&parent.join(MANIFEST)).map_err(|e| fail("make the directory", e.source));
             }
             Err(source) => {
                 return Err(AuditError::Io { path: path.into(), action: "read the directory", source });
@@ -108,12 +118,12 @@ impl RunDir {
     /// # Errors
     /// As [`Self::check`], or when the directory cannot be written.
     pub fn create(path: &Path, force: bool, manifest: &str) -> Result<Self, AuditError> {
-        Self::check(path, force)?;
+        Self::check_content(path, force)?;
         let fail = |action| move |source| AuditError::Io { path: path.into(), action, source };
         fs::create_dir_all(path).map_err(fail("make the directory"))?;
         let lock = lock(path, path)?;
         // Another run may have been recorded here since.
-        Self::check(path, force)?;
+        Self::check_content(path, force)?;
         for entry in fs::read_dir(path).map_err(fail("read the directory"))? {
             let entry = entry.map_err(fail("read the directory"))?;
             let name = entry.file_name();

@@ -102,7 +102,7 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     let mask = args.target_mask.as_deref();
     let look = args.target.as_deref().map(|spec| Look::resolve(spec, mask)).transpose()?;
     let subject = load(args, look)?;
-    let evaluation = measure(&subject, &args.image)?;
+    let evaluation = measure(&subject, args)?;
     if args.json {
         print_json(&to_json(&subject, &evaluation))
     } else {
@@ -174,16 +174,18 @@ fn stored(path: &Path, picture: &Picture) -> anyhow::Result<Stored> {
     Ok(stored)
 }
 
-fn measure(subject: &Subject, path: &Path) -> anyhow::Result<Evaluation> {
+fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Evaluation> {
     let Picture { width, height, .. } = subject.picture;
     let brightness = |i| subject.luminance.encode(subject.picture.luminance(i), subject.exposure);
     let l: Vec<f64> = (0..subject.picture.n_pixels()).map(brightness).collect();
     if let Some(i) = l.iter().position(|l| l.is_nan()) {
         let (x, y) = (i % width, i / width);
-        bail!("{}: the pixel at column {x}, row {y} is not a number", path.display());
+        bail!("{}: the pixel at column {x}, row {y} is not a number", args.image.display());
     }
+    // The picture has pixels, as many as the mask: what is wrong is what the mask marks.
+    let mask = args.mask.as_ref().unwrap_or(&args.image);
     let objective = Objective::new(&subject.target, width, height, &subject.mask.object)
-        .with_context(|| path.display().to_string())?;
+        .with_context(|| mask.display().to_string())?;
     Ok(objective.evaluate(&l))
 }
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::attainable::Reach;
 use crate::{
     audit::AuditError,
+    files::number::Bytes,
     film::{exr::ExrError, image_file::ImageFileError},
     integrator::{Integrator, RenderError},
     lighting::Lighting,
@@ -152,10 +153,10 @@ pub enum RunError {
     #[error(transparent)]
     Audit(#[from] AuditError),
     #[error(
-        "the transport basis needs {needed} MiB, more than the {allowed} MiB allowed; allow more with --memory, \
+        "the transport basis needs {needed}, more than the {allowed} allowed; allow more with --memory, \
          or make the working pictures smaller with --work-size"
     )]
-    Memory { needed: u64, allowed: u64 },
+    Memory { needed: Bytes, allowed: Bytes },
     #[error("cannot write the manifest")]
     Manifest(#[from] toml::ser::Error),
 }

@@ -17,6 +17,7 @@ use super::{
 };
 use crate::{
     audit::{products::Products, stored::About},
+    files::number::Bytes,
     film::Picture,
     integrator::RenderError,
     light::{LightSampler, SizeDensity},
@@ -167,19 +168,19 @@ impl BasisPlan {
         }
         let bytes = need(&plan);
         if bytes > options.memory {
-            return Err(RunError::Memory { needed: bytes >> 20, allowed: options.memory >> 20 });
+            return Err(RunError::Memory { needed: Bytes(bytes), allowed: Bytes(options.memory) });
         }
         let layout = plan.layout(stage, None);
         let reduced = if plan.knots < wanted { ", fewer to fit the memory allowed" } else { "" };
         reporter.note(&format!(
             "transport basis: {} x {} pixels, {} cells of light and size ({} knots a size{reduced}), {} value \
-             nodes, {REPLICATES} replicates, {} MiB with a finer one, should it be needed",
+             nodes, {REPLICATES} replicates, {} with a finer one, should it be needed",
             layout.size.x,
             layout.size.y,
             layout.n_cells(),
             plan.knots,
             layout.nodes.len(),
-            bytes >> 20,
+            Bytes(bytes),
         ));
         Ok(plan)
     }

@@ -8,6 +8,8 @@ use thiserror::Error;
 
 use super::exr::{ExrError, ExrImage, ExrPart, write_exr};
 use crate::files::atomic::{AtomicWriteError, write_atomically};
+use crate::files::number::Number;
+use crate::lighting::MAX_RADIANCE;
 use crate::math::display::{LUMINANCE_WEIGHTS, oetf_srgb};
 use crate::picture::{Picture, PictureError, Purpose, Reading};
 
@@ -79,13 +81,16 @@ impl LinearImage {
 
 /// A pixel that is no radiance.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("the pixel at column {x}, row {y} is {value}; radiance is finite")]
+#[error(
+    "the pixel at column {x}, row {y} is {}; a radiance is finite and at most {MAX_RADIANCE:e}",
+    Number(*value)
+)]
 pub struct NoRadiance {
     /// Column, from 0.
     pub x: usize,
     /// Row, from 0.
     pub y: usize,
-    /// The first of its channels that is not finite.
+    /// The first of its channels that is not finite or larger than [`MAX_RADIANCE`].
     pub value: f32,
 }
 
@@ -94,12 +99,12 @@ impl LinearImage {
     /// says how many there were and the least of them.
     ///
     /// # Errors
-    /// With the first pixel that is not finite.
+    /// With the first pixel that is not finite or larger than [`MAX_RADIANCE`].
     pub fn make_radiance(&mut self) -> Result<Option<String>, NoRadiance> {
         let place = |i: usize| (i / 3 % self.width, i / 3 / self.width);
         let (mut count, mut least) = (0, (0, 0.0));
         for (i, v) in self.rgb.as_flattened_mut().iter_mut().enumerate() {
-            if !v.is_finite() {
+            if !(f32::MIN..=MAX_RADIANCE).contains(v) {
                 let (x, y) = place(i);
                 return Err(NoRadiance { x, y, value: *v });
             }

@@ -2,27 +2,37 @@
 
 use std::{
     io::{self, Write},
-    sync::atomic::{AtomicU64, Ordering},
+    sync::{
+        OnceLock,
+        atomic::{AtomicU64, Ordering},
+    },
 };
 
 use crate::math::Rgb;
 
 /// Value of 1 in fixed point, 2³²: 32 fractional bits resolve 2.3·10⁻¹⁰ of display white, far
-/// below the noise of any picture, and 32 integer bits hold 4·10⁹ times white.
+/// below the noise of any picture. 32 integer bits hold 4·10⁹ times white; where that is not enough, at
+/// exposures or radiances far beyond white, 96 hold 7·10²⁸ times white.
 const ONE: f64 = 4_294_967_296.0;
+/// Value of the lowest bit of an upper word, 2⁶⁴.
+const UPPER: f64 = 18_446_744_073_709_551_616.0;
+/// Least value in fixed point that is refused, 2¹²⁶: smaller ones leave room in the upper word for a carry.
+const TOO_LARGE: f64 = 8.507_059_173_023_462e37;
 
 /// Numbers that are written at a time.
 pub(super) const CHUNK: usize = 1 << 13;
 
-/// Fixed-point sums (u64, 32.32 bits) of RGB values, shared by all threads.
+/// Fixed-point sums (32.32 bits, 96.32 where needed) of RGB values, shared by all threads.
 ///
 /// Values are stored in units chosen by the caller, so that 1 is about display
 /// white. A value that does not fit is counted and fails the render; it is
 /// never clamped silently.
 #[derive(Debug)]
 pub struct SplatBuffer {
-    /// Sums in fixed point, as `[cell][rgb]`.
+    /// Lower words of the sums in fixed point, as `[cell][rgb]`.
     cells: Vec<AtomicU64>,
+    /// Upper words of the sums, once one of them is not 0.
+    upper: OnceLock<Vec<AtomicU64>>,
     /// Number of values that did not fit.
     overflows: AtomicU64,
 }
@@ -30,15 +40,25 @@ pub struct SplatBuffer {
 impl Clone for SplatBuffer {
     fn clone(&self) -> Self {
         let copy = |value: &AtomicU64| AtomicU64::new(value.load(Ordering::Relaxed));
-        Self { cells: self.cells.iter().map(copy).collect(), overflows: copy(&self.overflows) }
+        let copies = |words: &Vec<AtomicU64>| words.iter().map(copy).collect::<Vec<_>>();
+        Self {
+            cells: copies(&self.cells),
+            upper: self.upper.get().map(copies).map_or_else(OnceLock::new, OnceLock::from),
+            overflows: copy(&self.overflows),
+        }
     }
+}
+
+/// Words of value 0.
+fn zeros(n: usize) -> Vec<AtomicU64> {
+    (0..n).map(|_| AtomicU64::new(0)).collect()
 }
 
 impl SplatBuffer {
     /// A buffer of `n` RGB cells that are zero.
     #[must_use]
     pub fn new(n: usize) -> Self {
-        Self { cells: (0..3 * n).map(|_| AtomicU64::new(0)).collect(), overflows: AtomicU64::new(0) }
+        Self { cells: zeros(3 * n), upper: OnceLock::new(), overflows: AtomicU64::new(0) }
     }
 
     /// Writes the sums so far, exactly.
@@ -46,32 +66,63 @@ impl SplatBuffer {
     /// # Errors
     /// When `out` cannot be written to.
     pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
+        let upper = self.upper.get().map_or(&[][..], Vec::as_slice);
         for chunk in self.cells.chunks(CHUNK) {
             let bytes: Vec<u8> = chunk.iter().flat_map(|c| c.load(Ordering::Relaxed).to_le_bytes()).collect();
             out.write_all(&bytes)?;
+        }
+        // Of the upper words only those that are not 0, each after its place.
+        let upper = upper.iter().map(|c| c.load(Ordering::Relaxed)).enumerate().filter(|(_, word)| *word > 0);
+        let upper: Vec<(usize, u64)> = upper.collect();
+        out.write_all(&(upper.len() as u64).to_le_bytes())?;
+        for (i, word) in upper {
+            out.write_all(&(i as u64).to_le_bytes())?;
+            out.write_all(&word.to_le_bytes())?;
         }
         Ok(())
     }
 
     /// Takes the sums of a buffer of as many cells from the beginning of what [`Self::write_sums`] has
-    /// written, and returns the rest; `None` where that is too short.
+    /// written, and returns the rest; `None`, and the buffer is as before, where that is too short or broken.
     #[must_use]
     pub fn read_sums<'b>(&mut self, bytes: &'b [u8]) -> Option<&'b [u8]> {
         let (sums, rest) = bytes.split_at_checked(8 * self.cells.len())?;
-        let numbers = sums.as_chunks().0.iter().map(|b| u64::from_le_bytes(*b));
-        self.cells.iter_mut().zip(numbers).for_each(|(cell, sum)| *cell.get_mut() = sum);
+        let (n, rest) = rest.split_first_chunk()?;
+        let length = usize::try_from(u64::from_le_bytes(*n)).ok()?.checked_mul(16)?;
+        let (places, rest) = rest.split_at_checked(length)?;
+        let numbers = |bytes: &'b [u8]| bytes.as_chunks().0.iter().map(|b| u64::from_le_bytes(*b));
+        let mut upper: Option<Vec<AtomicU64>> = None;
+        for place in places.chunks_exact(16) {
+            let [i, word] = [0, 1].map(|k| numbers(place).nth(k).unwrap_or_default());
+            let words = upper.get_or_insert_with(|| zeros(self.cells.len()));
+            *words.get_mut(usize::try_from(i).ok()?)?.get_mut() = word;
+        }
+        self.upper = upper.map_or_else(OnceLock::new, OnceLock::from);
+        self.cells.iter_mut().zip(numbers(sums)).for_each(|(cell, sum)| *cell.get_mut() = sum);
         Some(rest)
     }
 
     /// Adds a non-negative, finite value times `scale` to cell `i`.
     pub fn add(&self, i: usize, value: Rgb, scale: f64) {
-        for (cell, v) in self.cells[3 * i..3 * i + 3].iter().zip(value.to_array()) {
-            if v == 0.0 {
-                continue;
-            }
+        for (c, v) in value.to_array().into_iter().enumerate().filter(|(_, v)| *v != 0.0) {
             let fixed = (f64::from(v) * scale * ONE).round();
-            // 9.2·10¹⁸ is just below 2⁶³: what is added leaves room to detect the sum's overflow.
-            if fixed >= 9.2e18 || cell.fetch_add(fixed as u64, Ordering::Relaxed) > u64::MAX - fixed as u64 {
+            if fixed < TOO_LARGE {
+                self.add_fixed(3 * i + c, fixed as u128);
+            } else {
+                self.overflows.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Adds to a sum word by word: the carries, and with them the sum, are the same in any order.
+    fn add_fixed(&self, i: usize, fixed: u128) {
+        let (lower, upper) = (fixed as u64, (fixed >> 64) as u64);
+        let before = self.cells[i].fetch_add(lower, Ordering::Relaxed);
+        let upper = upper + u64::from(before.checked_add(lower).is_none());
+        if upper > 0 {
+            let words = self.upper.get_or_init(|| zeros(self.cells.len()));
+            let before = words[i].fetch_add(upper, Ordering::Relaxed);
+            if before.checked_add(upper).is_none() {
                 self.overflows.fetch_add(1, Ordering::Relaxed);
             }
         }
@@ -80,7 +131,11 @@ impl SplatBuffer {
     /// The sum in cell `i`, in the units it was added in.
     #[must_use]
     pub fn get(&self, i: usize, scale: f64) -> [f64; 3] {
-        std::array::from_fn(|c| self.cells[3 * i + c].load(Ordering::Relaxed) as f64 / (ONE * scale))
+        let upper = |i: usize| self.upper.get().map_or(0, |words| words[i].load(Ordering::Relaxed));
+        std::array::from_fn(|c| {
+            let (lower, upper) = (self.cells[3 * i + c].load(Ordering::Relaxed), upper(3 * i + c));
+            (upper as f64 * UPPER + lower as f64) / (ONE * scale)
+        })
     }
 
     /// Number of values that did not fit.
@@ -122,13 +177,42 @@ mod tests {
     }
 
     #[test]
+    fn sums_far_beyond_white_are_exact_in_any_order_and_in_a_copy() {
+        // Powers of two, so that every sum is exact.
+        let values: Vec<f32> = (0..64).map(|i| (i as f32).exp2()).collect();
+        let exact: f64 = values.iter().map(|&v| 8.0 * f64::from(v)).sum();
+        let buffer = SplatBuffer::new(2);
+        std::thread::scope(|scope| {
+            for k in 0..8 {
+                let (buffer, values) = (&buffer, &values);
+                scope.spawn(move || {
+                    (0..64).for_each(|i| buffer.add(1, Rgb::splat(values[(i + 8 * k) % 64]), 1.0));
+                });
+            }
+        });
+        assert_eq!((buffer.get(1, 1.0), buffer.overflows()), ([exact; 3], 0));
+        assert_eq!((buffer.get(0, 1.0), buffer.clone().get(1, 1.0)), ([0.0; 3], [exact; 3]));
+
+        let (mut bytes, mut read) = (Vec::new(), SplatBuffer::new(2));
+        buffer.write_sums(&mut bytes).unwrap();
+        assert_eq!(read.read_sums(&bytes), Some(&[][..]));
+        assert_eq!(read.get(1, 1.0), [exact; 3]);
+        assert_eq!(read.read_sums(&bytes[..bytes.len() - 1]), None);
+        let place = 8 * 6 + 8;
+        bytes[place] = 200;
+        assert_eq!(read.read_sums(&bytes), None);
+        assert_eq!(read.get(1, 1.0), [exact; 3]);
+    }
+
+    #[test]
     fn what_does_not_fit_is_counted() {
-        let b = SplatBuffer::new(1);
+        let b = SplatBuffer::new(2);
         b.add(0, Rgb::splat(1.0e30), 1.0);
         assert_eq!(b.overflows(), 3);
-        for _ in 0..5 {
-            b.add(0, Rgb::new(1.0e9, 0.0, 0.0), 1.0);
-        }
-        assert!(b.overflows() > 3);
+        // Of almost 2⁹⁴ the fifth does not fit into 96 bits.
+        (0..4).for_each(|_| b.add(1, Rgb::new(94_f32.exp2() * 0.99, 0.0, 0.0), 1.0));
+        assert_eq!(b.overflows(), 3);
+        b.add(1, Rgb::new(94_f32.exp2() * 0.99, 0.0, 0.0), 1.0);
+        assert_eq!(b.overflows(), 4);
     }
 }

@@ -16,22 +16,20 @@ pub enum UpAxis {
     Z,
 }
 
-/// A point of the file in metres, y up. The `scale` is the decimal number that it was read from: of a number
-/// far from the origin its rounding to `f32` would be centimetres.
+/// A point of the file in metres, y up.
 #[must_use]
-pub fn point_to_metres_y_up(p: DVec3, scale: f32, up: UpAxis) -> DVec3 {
+pub fn point_to_metres_y_up(p: DVec3, scale: f64, up: UpAxis) -> DVec3 {
     let rotated = match up {
         UpAxis::Y => p,
         UpAxis::Z => DVec3::new(p.x, p.z, -p.y),
     };
-    // The shortest decimal that rounds to an f32 is what people wrote.
-    rotated * scale.to_string().parse().unwrap_or(f64::from(scale))
+    rotated * scale
 }
 
 /// Scales a mesh by `scale`, metres per unit of the file, and rotates it such that `up` becomes +y.
 ///
 /// Triangles that rounding leaves without area are removed; returns how many there were.
-pub fn to_metres_y_up(mesh: &mut Mesh, scale: f32, up: UpAxis) -> usize {
+pub fn to_metres_y_up(mesh: &mut Mesh, scale: f64, up: UpAxis) -> usize {
     if scale == 1.0 && up == UpAxis::Y {
         return 0;
     }
@@ -39,7 +37,7 @@ pub fn to_metres_y_up(mesh: &mut Mesh, scale: f32, up: UpAxis) -> usize {
         UpAxis::Y => v,
         UpAxis::Z => Vec3::new(v.x, v.z, -v.y),
     };
-    mesh.positions.iter_mut().for_each(|p| *p = rotated(*p) * scale);
+    mesh.positions.iter_mut().for_each(|p| *p = rotated(*p) * scale as f32);
     mesh.normals.iter_mut().for_each(|n| *n = rotated(*n));
     let n = mesh.indices.len();
     let kept: Vec<usize> = (0..n).filter(|&t| is_proper(mesh.corners(t))).collect();

@@ -22,7 +22,10 @@ use super::{
     stage::{self, StageOptions, Staging},
 };
 use crate::{
-    files::reach::{MAX_TEXT_BYTES, Reach, ReachError},
+    files::{
+        number::{Number, Numbers},
+        reach::{MAX_TEXT_BYTES, Reach, ReachError},
+    },
     lighting::MAX_EXPOSURE,
     scene::Scene,
     variables::Constraints,
@@ -136,13 +139,13 @@ pub fn stage_with(path: &Path, options: &StageOptions, load: &LoadOptions) -> Re
 
 impl Source<'_> {
     /// Reads the scene file. `crease_angle` is in degrees and serves an OBJ only.
-    fn import(&self, crease_angle: f32) -> Result<Imported, ImportError> {
+    fn import(&self, crease_angle: f64) -> Result<Imported, ImportError> {
         if !(0.0..=180.0).contains(&crease_angle) {
-            let message = format!("must be in [0, 180] degrees, got {crease_angle}");
+            let message = format!("must be in [0, 180] degrees, got {}", Number(crease_angle));
             return Err(self.error("crease_angle", message));
         }
         if self.is_obj {
-            obj::load_within(self.scene_path, crease_angle.to_radians(), &self.reach)
+            obj::load_within(self.scene_path, (crease_angle as f32).to_radians(), &self.reach)
         } else {
             gltf::load_within(self.scene_path, &self.reach)
         }
@@ -246,22 +249,22 @@ impl Source<'_> {
     }
 
     fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {
-        let exposure = self.positive("exposure", sidecar.exposure)?;
-        if !(1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&exposure) {
-            let message =
-                format!("must be from {:e} to {MAX_EXPOSURE:e}, got {exposure:e}", 1.0 / MAX_EXPOSURE);
-            return Err(self.error("exposure", message));
+        let (exposure, least) = (sidecar.exposure as f32, 1.0 / MAX_EXPOSURE);
+        if (least..=MAX_EXPOSURE).contains(&exposure) {
+            return Ok(exposure);
         }
-        Ok(exposure)
+        let got = Number(sidecar.exposure);
+        Err(self.error("exposure", format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {got}")))
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {
         match sidecar.background.value_range {
-            Some([lo, hi]) if !(lo >= 0.0 && lo <= hi && hi.is_finite()) => {
-                let message = format!("must be 0 <= min <= max, got [{lo}, {hi}]");
+            Some(range @ [lo, hi]) if !(lo >= 0.0 && lo <= hi && (hi as f32).is_finite()) => {
+                let message =
+                    format!("must be 0 <= min <= max, max at most {:e}, got {}", f32::MAX, Numbers(&range));
                 Err(self.error("background.value_range", message))
             }
-            range => Ok(range),
+            range => Ok(range.map(|range| range.map(|v| v as f32))),
         }
     }
 }

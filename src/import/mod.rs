@@ -15,6 +15,7 @@ pub mod mtl;
 pub mod mtl_params;
 pub mod obj;
 pub mod origin;
+mod range;
 pub mod sheets;
 pub mod sidecar;
 pub mod stage;

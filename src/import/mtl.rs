@@ -6,6 +6,7 @@
 
 use std::{
     collections::BTreeMap,
+    ops::RangeInclusive,
     path::{Path, PathBuf},
 };
 
@@ -16,7 +17,10 @@ use super::{
     warnings::Warnings,
     wavefront::{logical_lines, numbers, physical_lines, split_keyword},
 };
-use crate::scene::texture::{Channel, Wrap};
+use crate::{
+    files::number::Number,
+    scene::texture::{Channel, Wrap},
+};
 
 /// Program that wrote a file, which decides what its numbers mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -109,6 +113,9 @@ pub struct MtlMaterial {
     pub maps: BTreeMap<MapKind, MapSpec>,
 }
 
+/// Illumination models.
+const ILLUM: RangeInclusive<u8> = 0..=10;
+
 /// Keywords with numbers, in lower case.
 const NUMERIC: [&str; 11] = ["kd", "ks", "ke", "ka", "tf", "ns", "ni", "d", "tr", "pr", "pm"];
 
@@ -163,11 +170,15 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             "pm" => m.pm = Some(number(rest).map_err(fail)?),
             "illum" => {
                 let v = number(rest).map_err(fail)?;
-                if v > 10.0 {
-                    return Err(fail("must be 0 to 10".into()));
+                if v > f32::from(*ILLUM.end()) {
+                    return Err(fail(format!("must be 0 to {}", ILLUM.end())));
                 }
-                // Some exporters write -1 for none.
-                m.illum = (v >= 0.0).then_some(v.round() as u8);
+                m.illum = ILLUM.into_iter().find(|&model| f32::from(model) == v);
+                // Blender writes -1 for what it does not know.
+                if m.illum.is_none() && !(origin != Origin::Other && v == -1.0) {
+                    let (v, last) = (Number(v), ILLUM.end());
+                    warn(format!("`{keyword}` {v} is not a whole number from 0 to {last}: 2 is taken"));
+                }
             }
             "ps" | "pc" | "aniso" => {
                 if number(rest).is_ok_and(|v| v > 0.0) {

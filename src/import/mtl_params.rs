@@ -12,11 +12,15 @@ use glam::Affine2;
 use super::{
     error::ImportError,
     mtl::{MapKind, MapSpec, MtlMaterial, Origin},
+    range::{self, UNIT},
     warnings::Warnings,
     wavefront::name_before_comment,
 };
 use crate::{
-    files::reach::{MAX_PICTURE_BYTES, Reach, ReachError},
+    files::{
+        number::Number,
+        reach::{MAX_PICTURE_BYTES, Reach, ReachError},
+    },
     math::Rgb,
     scene::{
         material::{MaterialParams, Model, Relief},
@@ -26,6 +30,14 @@ use crate::{
 
 /// IOR of a coat or glass whose file does not say: crown glass, as glTF has it.
 const DEFAULT_IOR: f32 = 1.5;
+/// Largest IOR of a coat or glass, germanium's, as in a sidecar.
+const MAX_IOR: f32 = 4.0;
+/// Largest exponent `Ns`, of a highlight 0.1° wide; the format names no bound, and files have up to 10⁵.
+const MAX_NS: f32 = 1e6;
+/// Largest exponent `Ns` in files of Blender, whose old exporter has written up to 511 · 1.96.
+const BLENDER_NS: f32 = 1002.0;
+/// Illumination model of a material whose file does not say: a highlight where there is a `Ks`.
+const DEFAULT_ILLUM: u8 = 2;
 /// Roughness of a surface whose file does not say, as in Blender's principled shader.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
 /// Albedo of a material whose file does not say, as in Blender's principled shader.
@@ -105,12 +117,12 @@ impl Reader {
         let is_blender = m.origin != Origin::Other;
         let is_replaced = |kd: [f32; 3]| texture.is_some() && (is_blender || kd == [0.0; 3]);
         let kd = m.kd.filter(|&kd| !is_replaced(kd)).unwrap_or([default; 3]);
-        let base_color = self.clamped(m, "Kd", kd);
+        let base_color = self.color(m, "Kd", kd, UNIT);
         let emission_texture = self.image(m, MapKind::Ke, Encoding::Srgb)?;
         let default = if emission_texture.is_some() { 1.0 } else { 0.0 };
         let ke = m.ke.filter(|&ke| ke != [0.0; 3]).unwrap_or([default; 3]);
-        let emission = Rgb::from_array(ke).max(Rgb::ZERO);
-        let ior = m.ni.filter(|&n| n > 1.0).unwrap_or(DEFAULT_IOR);
+        let emission = self.color(m, "Ke", ke, [0.0, f32::INFINITY]);
+        let ior = m.ni.filter(|&n| n > 1.0).map_or(DEFAULT_IOR, |n| n.min(MAX_IOR));
         let common = MaterialParams {
             base_color,
             texture,
@@ -131,8 +143,11 @@ impl Reader {
             return Ok(params);
         }
         let opacity_map = self.opacity_map(m)?;
-        let known = m.d.or(m.tr.map(|tr| 1.0 - tr)).filter(|&d| d >= 0.0);
-        let opacity = known.unwrap_or(1.0).clamp(0.0, 1.0);
+        let opacity = match (is_known(m, m.d), m.tr) {
+            (Some(d), _) => self.number(m, "d", d, UNIT),
+            (None, Some(tr)) => 1.0 - self.number(m, "Tr", tr, UNIT),
+            (None, None) => 1.0,
+        };
         if opacity == 0.0 {
             let key = if m.d.is_some() { "d" } else { "Tr" };
             self.warn(m, format_args!("is invisible, says its `{key}`"));
@@ -140,29 +155,37 @@ impl Reader {
         Ok(MaterialParams { opacity, opacity_map, ..params })
     }
 
-    /// Warns of an index of refraction that is not followed. 1 is what programs write for a surface without:
-    /// only glass could have it.
+    /// Warns of an index of refraction, or a filter of glass, that is not followed. An index of 1 is what
+    /// programs write for a surface without: only glass could have it.
     fn report_refraction(&mut self, m: &MtlMaterial, params: &MaterialParams) {
         let is_glass = params.model.transmits();
         let is_coated = params.model == Model::Plastic;
-        // What Blender does not know it writes as −1.
-        let known = m.ni.filter(|&n| n >= 0.0 || m.origin == Origin::Other);
-        if let Some(ni) = known.filter(|&n| is_glass && n <= 1.0 || is_coated && n < 1.0) {
-            self.warn(m, format_args!("`Ni` {ni} is not above 1: {DEFAULT_IOR} is taken"));
+        let ni = is_known(m, m.ni).filter(|_| is_glass || is_coated);
+        if let Some(ni) = ni.filter(|&n| is_glass && n <= 1.0 || n < 1.0) {
+            self.warn(m, format_args!("`Ni` {} is not above 1: {DEFAULT_IOR} is taken", Number(ni)));
+        }
+        if let Some(ni) = ni.filter(|&n| n > 1.0) {
+            self.number(m, "Ni", ni, [1.0, MAX_IOR]);
+        }
+        if let Some(tf) = m.tf.filter(|_| is_glass && m.origin == Origin::Other) {
+            self.color(m, "Tf", tf, UNIT);
         }
     }
 
     /// A material of any program but Blender.
     fn plain(&mut self, m: &MtlMaterial, common: MaterialParams) -> Result<MaterialParams, ImportError> {
-        let specular = self.clamped(m, "Ks", m.ks.unwrap_or_default());
+        let specular = self.color(m, "Ks", m.ks.unwrap_or_default(), UNIT);
         let metallic_map = self.scalar(m, MapKind::Pm)?;
         let roughness_map = self.scalar(m, MapKind::Pr)?;
         if let Some(map) = m.maps.get(&MapKind::Ns).or(m.maps.get(&MapKind::Refl)) {
             self.warn(m, format_args!("`{}` is ignored", map.keyword));
         }
-        let pm = m.pm.unwrap_or(0.0).clamp(0.0, 1.0);
-        let metallic = if metallic_map.is_some() { 1.0 } else { pm };
-        let illum = m.illum.unwrap_or(2);
+        let metallic = match m.pm {
+            _ if metallic_map.is_some() => 1.0,
+            Some(pm) => self.number(m, "Pm", pm, UNIT),
+            None => 0.0,
+        };
+        let illum = m.illum.unwrap_or(DEFAULT_ILLUM);
         let mut params = MaterialParams { metallic, metallic_map, roughness_map, ..common };
         let has_specular =
             specular.max_element() > 0.0 || m.ks.is_none() && m.maps.contains_key(&MapKind::Ks);
@@ -176,12 +199,12 @@ impl Reader {
             params.model = Model::Plastic;
             params.specular_map = self.scalar(m, MapKind::Ks)?;
         }
-        let slope_from_ns = |ns: f32| (2.0 / (ns.max(0.0) + 2.0)).sqrt();
+        let slope_from_ns = |ns: f32| (2.0 / (ns + 2.0)).sqrt();
         params.roughness = match (m.pr, m.ns) {
             _ if params.roughness_map.is_some() => 1.0,
-            (Some(pr), _) => pr.clamp(0.0, 1.0),
+            (Some(pr), _) => self.number(m, "Pr", pr, UNIT),
             (None, _) if params.model.transmits() => 0.0,
-            (None, Some(ns)) => slope_from_ns(ns).sqrt(),
+            (None, Some(ns)) => slope_from_ns(self.number(m, "Ns", ns, [0.0, MAX_NS])).sqrt(),
             (None, None) => DEFAULT_ROUGHNESS,
         };
         Ok(as_metal(params))
@@ -191,8 +214,7 @@ impl Reader {
     /// to the parameters of its principled shader.
     fn blender(&mut self, m: &MtlMaterial, common: MaterialParams) -> Result<MaterialParams, ImportError> {
         let mean = |c: [f32; 3]| c.iter().sum::<f32>() / 3.0;
-        let given = |v: Option<f32>| v.filter(|&v| v >= 0.0);
-        let transmission = given(m.tf.map(mean)).unwrap_or(0.0);
+        let transmission = self.known_number(m, "Tf", m.tf.map(mean), UNIT).unwrap_or(0.0);
         if transmission > 0.0 && transmission < 1.0 {
             let taken = if transmission < 0.5 { "opaque" } else { "clear" };
             self.warn(m, format_args!("transmission `Tf` {transmission} is partial: it is taken as {taken}"));
@@ -207,14 +229,23 @@ impl Reader {
         };
         // `Ka` holds the metal where something is reflected, otherwise a constant.
         let from_ka = || if matches!(m.illum, Some(3..=8)) { mean(m.ka.unwrap_or([1.0; 3])) } else { 0.0 };
-        let metallic = given(m.pm).unwrap_or_else(from_ka).clamp(0.0, 1.0);
+        let metallic = match metallic_map {
+            Some(_) => 1.0,
+            None => self.known_number(m, "Pm", m.pm, UNIT).unwrap_or_else(from_ka).clamp(0.0, 1.0),
+        };
         let full = if m.origin == Origin::OldBlender { 900.0 } else { 1000.0 };
         let from_ns = |ns: f32| 1.0 - (ns / full).min(1.0).sqrt();
-        let roughness = given(m.pr).or(given(m.ns).map(from_ns)).unwrap_or(DEFAULT_ROUGHNESS).clamp(0.0, 1.0);
+        let roughness = match is_known(m, m.pr) {
+            _ if roughness_map.is_some() => 1.0,
+            Some(pr) => self.number(m, "Pr", pr, UNIT),
+            None => self.known_number(m, "Ns", m.ns, [0.0, BLENDER_NS]).map_or(DEFAULT_ROUGHNESS, from_ns),
+        };
         // A specular level of 0.5 is the reflectance that the IOR says.
         let specular_map = self.scalar(m, MapKind::Ks)?;
-        let level = given(m.ks.map(mean)).unwrap_or(0.5);
-        let specular = if specular_map.is_some() { 2.0 } else { (2.0 * level).min(1.0) };
+        let specular = match specular_map {
+            Some(_) => 2.0,
+            None => (2.0 * self.known_number(m, "Ks", m.ks.map(mean), UNIT).unwrap_or(0.5)).min(1.0),
+        };
         let model = match specular {
             _ if transmission >= 0.5 => Model::Dielectric,
             0.0 => Model::Diffuse,
@@ -222,23 +253,35 @@ impl Reader {
         };
         Ok(as_metal(MaterialParams {
             model,
-            roughness: if roughness_map.is_some() { 1.0 } else { roughness },
+            roughness,
             roughness_map,
             specular,
             specular_map,
-            metallic: if metallic_map.is_some() { 1.0 } else { metallic },
+            metallic,
             metallic_map,
             ..common
         }))
     }
 
-    fn clamped(&mut self, m: &MtlMaterial, key: &str, c: [f32; 3]) -> Rgb {
-        let c = Rgb::from_array(c);
-        let clamped = c.clamp(Rgb::ZERO, Rgb::ONE);
-        if clamped != c {
-            self.warn(m, format_args!("{key} {c} is outside [0, 1] and was clamped"));
-        }
-        clamped
+    /// The number of a keyword in its range; what is not in it is said.
+    fn number(&mut self, m: &MtlMaterial, key: &str, value: f32, range: [f32; 2]) -> f32 {
+        range::clamped(key, value, range, |message| self.warn(m, message))
+    }
+
+    /// As [`Self::number`], if it is there and the program that wrote the file knew it.
+    fn known_number(
+        &mut self,
+        m: &MtlMaterial,
+        key: &str,
+        value: Option<f32>,
+        range: [f32; 2],
+    ) -> Option<f32> {
+        is_known(m, value).map(|value| self.number(m, key, value, range))
+    }
+
+    /// The colour of a keyword in its range; what is not in it is said.
+    fn color(&mut self, m: &MtlMaterial, key: &str, color: [f32; 3], range: [f32; 2]) -> Rgb {
+        range::clamped_color(key, color, range, |message| self.warn(m, message))
     }
 
     /// The image of a map; `None` where the material has none or its file is missing.
@@ -330,6 +373,11 @@ impl Reader {
         }
         Ok(None)
     }
+}
+
+/// A number, if the program that wrote the file knew it: what Blender does not know it writes as −1.
+fn is_known(m: &MtlMaterial, value: Option<f32>) -> Option<f32> {
+    value.filter(|&v| m.origin == Origin::Other || v != -1.0)
 }
 
 /// Gives a sheet of glass the colour of what it lets pass: the filter `Tf`; in Blender's files, where that is

@@ -3,22 +3,26 @@
 //! The structure of the file, as TOML has it. What every key means, with its unit, range and default, is
 //! listed in `docs/formats.md`; ranges are checked where the scene is [built](super::builder).
 
-use std::{collections::BTreeMap, path::Path};
+use std::{collections::BTreeMap, fmt, path::Path};
 
-use serde::Deserialize;
+use serde::{
+    Deserialize, Deserializer,
+    de::{Error, Unexpected, Visitor},
+};
 
-use super::{axes::UpAxis, backdrop, error::ImportError};
+use super::{axes::UpAxis, error::ImportError};
 use crate::{files::toml_file, scene::material::Model, variables::FreeKinds};
 
 /// Version of the sidecar format.
 pub const SCHEMA: u32 = 1;
 /// Crease angle where the sidecar does not say, degrees: an octagon's sides (45°) stay flat, those of a
 /// cylinder of ten or more are smooth.
-pub const DEFAULT_CREASE: f32 = 40.0;
+pub const DEFAULT_CREASE: f64 = 40.0;
 /// Film where neither the sidecar nor the scene file says, pixels.
 pub const DEFAULT_FILM: [u32; 2] = [640, 480];
 
-/// Content of a sidecar. Values are checked when the scene is built, not when the file is parsed.
+/// Content of a sidecar. Values are checked when the scene is built, not when the file is parsed: they are kept
+/// as they were written until then, so that a message can show them.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
@@ -26,15 +30,15 @@ pub struct Sidecar {
     pub schema: u32,
     /// Factor on luminance before display encoding.
     #[serde(default = "one")]
-    pub exposure: f32,
+    pub exposure: f64,
     /// Kinds of variables that may be free; all by default.
     #[serde(default)]
     pub free: FreeKinds,
     /// Crease angle, degrees: edges of an OBJ's meshes without normals that bend by no more are smooth.
     #[serde(default = "default_crease")]
-    pub crease_angle: f32,
+    pub crease_angle: f64,
     /// Metres per unit of an OBJ; 1 by default.
-    pub scale: Option<f32>,
+    pub scale: Option<f64>,
     /// Axis of an OBJ that points up; +y by default.
     pub up_axis: Option<UpAxis>,
     /// Camera; that of a glTF by default.
@@ -65,28 +69,58 @@ pub struct CameraSpec {
     /// Point at the centre of the picture, metres.
     pub look_at: Option<[f64; 3]>,
     /// Up vector; +y by default where `look_at` is given.
-    pub up: Option<[f32; 3]>,
+    pub up: Option<[f64; 3]>,
     /// Vertical field of view, degrees.
-    pub vfov: Option<f32>,
+    pub vfov: Option<f64>,
     /// Width and height of the film, pixels; [`DEFAULT_FILM`] by default without a camera in the file.
     pub size: Option<[u32; 2]>,
     /// Shift of the film to the right and up, in lengths of its longer side; 0 by default.
-    pub shift: Option<[f32; 2]>,
+    pub shift: Option<[f64; 2]>,
     /// Radius of the lens's aperture, metres; a pinhole by default.
-    pub aperture_radius: Option<f32>,
+    pub aperture_radius: Option<f64>,
     /// Distance of the plane in focus along the optical axis, metres; that of `look_at` by default, else
     /// that of the main object's middle.
-    pub focus_distance: Option<f32>,
+    pub focus_distance: Option<f64>,
 }
 
 /// A camera of a scene file, as a user names it.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum CameraName {
     /// Its number, from 1.
     Number(usize),
     /// Its name.
     Name(String),
+}
+
+impl<'de> Deserialize<'de> for CameraName {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrNumber;
+
+        impl Visitor<'_> for NameOrNumber {
+            type Value = CameraName;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a camera, or its number from 1")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<CameraName, E> {
+                Ok(CameraName::Name(name.into()))
+            }
+
+            fn visit_i64<E: Error>(self, number: i64) -> Result<CameraName, E> {
+                let from_one = usize::try_from(number).ok().filter(|&n| n > 0);
+                let wrong = || E::invalid_value(Unexpected::Signed(number), &self);
+                from_one.map(CameraName::Number).ok_or_else(wrong)
+            }
+
+            fn visit_u64<E: Error>(self, number: u64) -> Result<CameraName, E> {
+                let wrong = || E::invalid_value(Unexpected::Unsigned(number), &self);
+                i64::try_from(number).map_err(|_| wrong()).and_then(|number| self.visit_i64(number))
+            }
+        }
+
+        deserializer.deserialize_any(NameOrNumber)
+    }
 }
 
 /// Triangles selected by object, material or place; any one of these selects.
@@ -112,20 +146,19 @@ pub struct BackdropSpec {
     pub position: [f64; 3],
     /// Rotation about +y, degrees; at 0, the default, the wall faces +z.
     #[serde(default)]
-    pub turn: f32,
+    pub turn: f64,
     /// Horizontal distance from `position` to the front edge of the floor, metres.
-    pub front: f32,
+    pub front: f64,
     /// Horizontal distance from `position` to the wall, metres.
-    pub back: f32,
+    pub back: f64,
     /// Horizontal extent across, metres.
-    pub width: f32,
+    pub width: f64,
     /// Height of the wall, metres.
-    pub height: f32,
+    pub height: f64,
     /// Radius of the bend, metres; half of the lesser of `back` and `height` by default.
-    pub radius: Option<f32>,
-    /// Diffuse albedo, linear Rec.709 in [0, 1]; [`backdrop::BASE_COLOR`] by default.
-    #[serde(default = "backdrop_color")]
-    pub base_color: [f32; 3],
+    pub radius: Option<f64>,
+    /// Diffuse albedo, linear Rec.709 in [0, 1]; [`BASE_COLOR`](super::backdrop::BASE_COLOR) by default.
+    pub base_color: Option<[f64; 3]>,
 }
 
 /// `[background]`: the materials whose base colour one factor, the background's value, scales.
@@ -135,7 +168,7 @@ pub struct BackgroundSpec {
     /// Patterns of material names; all that the main object does not use by default.
     pub materials: Option<Vec<String>>,
     /// Least and largest value, dimensionless.
-    pub value_range: Option<[f32; 2]>,
+    pub value_range: Option<[f64; 2]>,
 }
 
 /// `type` of a light. A new one needs a name here and a shape in the scene's builder.
@@ -192,32 +225,32 @@ pub struct LightSpec {
     /// A point on the emitting side, in front of the centre, metres.
     pub look_at: Option<[f64; 3]>,
     /// Up vector of a rectangle, along which its height runs; +y by default.
-    pub up: Option<[f32; 3]>,
+    pub up: Option<[f64; 3]>,
     /// Half-extents of a rectangle across and up at size 1, metres.
-    pub half_extents: Option<[f32; 2]>,
+    pub half_extents: Option<[f64; 2]>,
     /// Radius of a disk, sphere or spot at size 1, metres; a spot of radius 0 is a point.
-    pub radius: Option<f32>,
+    pub radius: Option<f64>,
     /// Half-angle of a spot's cone, degrees.
-    pub angle: Option<f32>,
+    pub angle: Option<f64>,
     /// Share in [0, 1] of a spot's half-angle over which the cone fades; 0.2 by default.
-    pub softness: Option<f32>,
+    pub softness: Option<f64>,
     /// Radiance map of an environment: a picture's path relative to the sidecar; constant by default.
     pub image: Option<String>,
     /// Rotation of an environment about +y, degrees.
-    pub rotation: Option<f32>,
+    pub rotation: Option<f64>,
     /// Name of the material whose triangles are a mesh light.
     pub material: Option<String>,
     /// Factor on the extents; 1 by default.
-    pub size: Option<f32>,
+    pub size: Option<f64>,
     /// Least and largest size; found from the geometry by default.
-    pub size_range: Option<[f32; 2]>,
+    pub size_range: Option<[f64; 2]>,
     /// Radiance per unit of `color`, W·m⁻²·sr⁻¹; of a point light its intensity, W·sr⁻¹, of a distant
     /// one its irradiance, W·m⁻². By default 1, of a mesh what its material emits.
-    pub radiance: Option<f32>,
+    pub radiance: Option<f64>,
     /// Largest radiance; found from the picture by default.
-    pub radiance_max: Option<f32>,
+    pub radiance_max: Option<f64>,
     /// Colour, linear Rec.709, which is scaled to luminance 1; white by default.
-    pub color: Option<[f32; 3]>,
+    pub color: Option<[f64; 3]>,
     /// Whether the camera sees the light itself; `true` by default.
     #[serde(default = "yes")]
     pub camera_visible: bool,
@@ -235,32 +268,29 @@ pub struct MaterialSpec {
     /// Scattering model.
     pub model: Option<Model>,
     /// Albedo, or reflectance of a metal, linear Rec.709 in [0, 1].
-    pub base_color: Option<[f32; 3]>,
+    pub base_color: Option<[f64; 3]>,
     /// Perceptual roughness in [0, 1]; the GGX slope is its square.
-    pub roughness: Option<f32>,
+    pub roughness: Option<f64>,
     /// Index of refraction in (1, 4].
-    pub ior: Option<f32>,
+    pub ior: Option<f64>,
     /// Weight in [0, 1] of a metal of the same base colour and roughness.
-    pub metallic: Option<f32>,
+    pub metallic: Option<f64>,
     /// Weight in [0, 1] of a plastic's coat.
-    pub specular: Option<f32>,
+    pub specular: Option<f64>,
     /// Probability in [0, 1] that a ray does not pass straight through.
-    pub opacity: Option<f32>,
+    pub opacity: Option<f64>,
     /// Emitted radiance, linear Rec.709, W·m⁻²·sr⁻¹.
-    pub emission: Option<[f32; 3]>,
+    pub emission: Option<[f64; 3]>,
 }
 
-fn one() -> f32 {
+fn one() -> f64 {
     1.0
 }
 fn yes() -> bool {
     true
 }
-fn default_crease() -> f32 {
+fn default_crease() -> f64 {
     DEFAULT_CREASE
-}
-fn backdrop_color() -> [f32; 3] {
-    backdrop::BASE_COLOR
 }
 
 impl Sidecar {

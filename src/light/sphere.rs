@@ -35,16 +35,19 @@ impl Sphere {
         let oc = org - self.center;
         let b = -oc.dot(dir);
         // Closest approach from the perpendicular itself: no cancellation far away.
-        let perpendicular = (oc + b * dir).length();
-        if b <= 0.0 || perpendicular > r || oc.length_squared() <= r * r {
+        let perpendicular = oc + b * dir;
+        let approach = perpendicular.length();
+        if b <= 0.0 || approach > r || oc.length_squared() <= r * r {
             return None;
         }
-        let t = b - (r * r - perpendicular * perpendicular).sqrt();
+        let half = (r * r - approach * approach).sqrt();
+        let t = b - half;
         if !(t > 0.0 && t < t_max) {
             return None;
         }
-        let p = org + dir * t;
-        let at = LightPoint { p, n: (p - self.center) / r, rho: perpendicular / self.radius, element: 0 };
+        // Not from the point, whose rounding may be more than a small radius.
+        let n = (perpendicular - half * dir) / r;
+        let at = LightPoint { p: org + dir * t, n, rho: approach / self.radius, element: 0 };
         Some(Crossing { t, at, radiance: Rgb::ONE })
     }
 
@@ -60,16 +63,15 @@ impl Sphere {
         let sin = rho * self.radius / d;
         let cos = (1.0 - sin * sin).max(0.0).sqrt();
         let (sin_phi, cos_phi) = (2.0 * PI * u.y).sin_cos();
-        let wi = Frame::from_normal(to_center / d).to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos));
-        let perpendicular = rho * self.radius;
-        let t = d * cos - (r * r - perpendicular * perpendicular).max(0.0).sqrt();
-        let p = reference + wi * t;
-        Some(LightLiSample {
-            radiance: Rgb::ONE,
-            wi,
-            pdf: self.pdf_li(reference, q, rho),
-            at: LightPoint { p, n: (p - self.center) / r, rho, element: 0 },
-        })
+        let frame = Frame::from_normal(to_center / d);
+        let wi = frame.to_world(Vec3::new(sin * cos_phi, sin * sin_phi, cos));
+        // From the centre to the ray's closest approach, whose unit vector is ∂wi/∂(angle from the axis).
+        let perpendicular = frame.to_world(Vec3::new(cos * cos_phi, cos * sin_phi, -sin));
+        let approach = rho * self.radius;
+        let half = (r * r - approach * approach).max(0.0).sqrt();
+        let n = (approach * perpendicular - half * wi) / r;
+        let at = LightPoint { p: reference + wi * (d * cos - half), n, rho, element: 0 };
+        Some(LightLiSample { radiance: Rgb::ONE, wi, pdf: self.pdf_li(reference, q, rho), at })
     }
 
     /// p_ω = q·d²cos α/(2πR²ρ), sin α = ρR/d.
@@ -145,5 +147,39 @@ impl Resizable for Sphere {
             return f32::INFINITY;
         }
         (oc - dir * t).length() / self.radius
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_are_exact_however_small_the_sphere() {
+        let center = Vec3::new(-0.8, 1.2, 0.7);
+        let q = SizeDensity::uniform_area(1.0);
+        for radius in [0.3, 1e-4, 1e-8, 1e-12] {
+            let sphere = Sphere { center, radius };
+            for i in 0..64 {
+                let reference = Vec3::new(0.3 * (i % 5) as f32, 0.1, 0.2 * (i % 3) as f32);
+                let u = Vec2::new((i as f32 + 0.5) / 64.0, (i as f32 * 0.618).fract());
+                let s = sphere.sample_li(reference, &q, u).unwrap();
+                assert!((s.at.n.length() - 1.0).abs() < 1e-5, "{radius}: {}", s.at.n);
+                // The sine between normal and ray is ρ: it is the closest approach over the radius.
+                let sin = s.at.n.cross(s.wi).length();
+                assert!(
+                    s.at.n.dot(s.wi) < 0.0 && (sin - s.at.rho).abs() < 1e-4,
+                    "{radius}: {sin} {}",
+                    s.at.rho
+                );
+                if radius < 0.1 {
+                    continue;
+                }
+                let radial = (s.at.p - center) / radius;
+                assert!(radial.distance(s.at.n) < 1e-5);
+                let hit = sphere.crossing(reference, s.wi, f32::INFINITY, 1.0).unwrap();
+                assert!(hit.at.n.distance(s.at.n) < 1e-3, "{} {}", hit.at.n, s.at.n);
+            }
+        }
     }
 }

@@ -178,5 +178,10 @@ fn memory_is_planned_before_rendering() {
     arguments.extend(QUICK);
     let error = room.fail(&arguments);
     assert!(error.contains("allow more with --memory"), "{error}");
+    let needed = error.split("needs ").nth(1).unwrap().split(',').next().unwrap();
+    assert!(error.contains("more than the 10 KiB allowed") && needed != "0 MiB", "{error}");
+    assert!(needed.split(' ').next().unwrap().parse::<u32>().unwrap() > 10, "{error}");
+    let error = room.fail(&["run", "room.obj", "--memory", "1", "--out", "b"]);
+    assert!(error.contains("more than the 1 byte allowed"), "{error}");
     assert!(!room.path("b").exists());
 }

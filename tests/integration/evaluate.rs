@@ -177,7 +177,7 @@ fn failures_are_one_clear_line_and_code_1() {
         (missing.as_path(), Some(&mask), Some(high), vec!["missing.png: cannot open", "No such"]),
         (&text, Some(&mask), Some(high), vec!["text.png: cannot read it as a picture"]),
         (&image, Some(&small), Some(high), vec!["small.png: the mask has 2 x 1", "24 x 16"]),
-        (&image, Some(&all), Some(high), vec!["every pixel as main object"]),
+        (&image, Some(&all), Some(high), vec!["all.png: the mask marks every pixel as main object"]),
         (&image, Some(&text), Some(high), vec!["text.png: cannot read"]),
         (&image, None, Some(high), vec!["stores no mask", "--mask"]),
         (&image, Some(&mask), None, vec!["stores no target", "--target"]),

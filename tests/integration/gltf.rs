@@ -433,6 +433,97 @@ fn materials_are_mapped_as_documented() {
     assert!(m.emission_texture.is_some());
 }
 
+/// What is said of the square's material, without its name.
+fn said_of_material(json: Value) -> Vec<String> {
+    let warnings = load(&[("/materials/0", json)]).warnings;
+    warnings.iter().filter_map(|w| w.strip_prefix("material `material_0`: ").map(str::to_owned)).collect()
+}
+
+#[test]
+fn factors_outside_their_range_are_cut_and_said() {
+    let pbr = json!({"baseColorFactor": [2, -1, 0.5, 3], "roughnessFactor": 7, "metallicFactor": -1});
+    let m = material(json!({"pbrMetallicRoughness": pbr}));
+    assert_eq!((m.base_color.to_array(), m.roughness, m.metallic), ([1.0, 0.0, 0.5], 1.0, 0.0));
+    assert_eq!(
+        said_of_material(json!({"pbrMetallicRoughness": pbr})),
+        [
+            "`baseColorFactor` [2, -1, 0.5] is not in [0, 1]: [1, 0, 0.5] is taken",
+            "`roughnessFactor` 7 is not in [0, 1]: 1 is taken",
+            "`metallicFactor` -1 is not in [0, 1]: 0 is taken",
+            "`alpha of baseColorFactor` 3 is not in [0, 1]: 1 is taken",
+        ]
+    );
+    let with = |extensions: Value| said_of_material(json!({"extensions": extensions}));
+    for (ior, taken, said) in [
+        (0.0, 4.0, Some("its ior 0, which reflects everything, is taken as 4")),
+        (0.5, 1.001, Some("`ior` 0.5 is not in [1, 4]: 1 is taken")),
+        (9.0, 4.0, Some("`ior` 9 is not in [1, 4]: 4 is taken")),
+        (1.0, 1.001, None),
+        (2.42, 2.42, None),
+    ] {
+        let extensions = json!({"KHR_materials_ior": {"ior": ior}});
+        assert_eq!(material(json!({"extensions": extensions})).ior, taken, "{ior}");
+        assert_eq!(with(extensions), said.into_iter().collect::<Vec<_>>(), "{ior}");
+    }
+    assert_eq!(
+        with(json!({"KHR_materials_specular": {"specularFactor": 2}})),
+        ["`specularFactor` 2 is not in [0, 1]: 1 is taken"]
+    );
+    assert_eq!(
+        with(json!({"KHR_materials_transmission": {"transmissionFactor": 3}})),
+        ["`transmissionFactor` 3 is not in [0, 1]: 1 is taken"]
+    );
+    assert_eq!(
+        said_of_material(json!({"emissiveFactor": [-1, 2, 0]})),
+        ["`emissiveFactor` [-1, 2, 0] is not at least 0: [0, 2, 0] is taken"]
+    );
+    assert_eq!(
+        said_of_material(
+            json!({"emissiveFactor": [1, 1, 1], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": -4}}})
+        ),
+        ["`emissiveStrength` -4 is not at least 0: 0 is taken"]
+    );
+    assert_eq!(
+        said_of_material(json!({"alphaMode": "MASK", "alphaCutoff": -3})),
+        ["`alphaCutoff` -3 is not at least 0: 0 is taken"]
+    );
+    let lamp = json!({"type": "spot", "name": "lamp", "intensity": 1, "spot": {"innerConeAngle": -1, "outerConeAngle": 3}});
+    let warnings = load(&[("/extensions/KHR_lights_punctual/lights/0", lamp)]).warnings;
+    for wanted in [
+        "light `lamp`: `outerConeAngle` 3 is not in [0.001, 1.5707964]: 1.5707964 is taken",
+        "light `lamp`: `innerConeAngle` -1 is not in [0, 1.5707964]: 0 is taken",
+    ] {
+        assert!(warnings.iter().any(|w| w == wanted), "{warnings:?}");
+    }
+}
+
+#[test]
+fn of_a_volume_only_what_is_not_followed_is_said_to_be_ignored() {
+    let said = |transmission: f32, volume: Value| {
+        said_of_material(
+            json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": transmission}, "KHR_materials_volume": volume}}),
+        )
+    };
+    let none: [&str; 0] = [];
+    assert_eq!(said(1.0, json!({"thicknessFactor": 1})), none);
+    assert_eq!(
+        said(1.0, json!({"thicknessFactor": 1, "attenuationColor": [1, 1, 1], "attenuationDistance": 2})),
+        none
+    );
+    // Without a distance light is never attenuated, and neither is it in a sheet.
+    let red = json!([1, 0.1, 0.1]);
+    assert_eq!(said(1.0, json!({"thicknessFactor": 1, "attenuationColor": red})), none);
+    assert_eq!(said(1.0, json!({"attenuationColor": red, "attenuationDistance": 2})), none);
+    assert_eq!(
+        said(1.0, json!({"thicknessFactor": 1, "attenuationColor": red, "attenuationDistance": 2})),
+        ["the attenuation of its KHR_materials_volume is ignored; it is solid and refracts"]
+    );
+    assert_eq!(
+        said(0.0, json!({"thicknessFactor": 1})),
+        ["its KHR_materials_volume is ignored: it is not glass"]
+    );
+}
+
 #[test]
 fn alpha_is_read_as_its_mode_says() {
     let with = |mode: &str| {

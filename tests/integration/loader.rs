@@ -291,7 +291,7 @@ fn mtl_maps_to_models_as_documented() {
     is("Kd 1 1 1\nTf 0.7 0.2 0.1\nNi 1.33\nillum 7\n", Model::Thin, red, 0.0, 1.33);
 
     for (body, wanted) in [
-        ("Kd 1.2 0 0\n", "Kd [1.2, 0, 0] is outside [0, 1]"),
+        ("Kd 1.2 0 0\n", "`Kd` [1.2, 0, 0] is not in [0, 1]: [1, 0, 0] is taken"),
         ("d 0\n", "is invisible, says its `d`"),
         ("Tr 1\n", "is invisible, says its `Tr`"),
         ("disp a.png\n", "`disp` is ignored"),
@@ -384,6 +384,109 @@ fn lines_that_make_no_sense_are_named() {
     ] {
         let e = load(OBJ, mtl).unwrap_err();
         assert!(line_of(&e).contains(wanted), "{mtl:?}: wanted `{wanted}` in: {e}");
+    }
+}
+
+/// The number or colour that a material has, as a comparison that must hold of it.
+type Taken = fn(&MaterialParams) -> bool;
+
+#[test]
+fn numbers_of_an_mtl_outside_their_range_are_cut_and_said() {
+    let of = |body: &str| {
+        let s = load(&format!("mtllib room.mtl\n{SQUARE}usemtl m\nf 1 2 3\n"), body).unwrap();
+        (s.materials[0].1.clone(), s.warnings)
+    };
+    let coat = "Ks 1 1 1\n";
+    let glass = "illum 7\n";
+    let cases: [(&str, &str, &str, Taken); 25] = [
+        ("", "illum -1", "`illum` -1 is not a whole number from 0 to 10: 2 is taken", |p| {
+            p.model == Model::Diffuse
+        }),
+        (
+            "Kd 0 0 0\nKs 1 1 1\n",
+            "illum 2.5",
+            "`illum` 2.5 is not a whole number from 0 to 10: 2 is taken",
+            |p| p.model == Model::Plastic,
+        ),
+        ("", "Pr 5", "`Pr` 5 is not in [0, 1]: 1 is taken", |p| p.roughness == 1.0),
+        ("", "Pr -1", "`Pr` -1 is not in [0, 1]: 0 is taken", |p| p.roughness == 0.0),
+        ("", "Pm 1.5", "`Pm` 1.5 is not in [0, 1]: 1 is taken", |p| p.model == Model::Conductor),
+        ("", "Pm -0.5", "`Pm` -0.5 is not in [0, 1]: 0 is taken", |p| p.metallic == 0.0),
+        ("", "Ns -3", "`Ns` -3 is not in [0, 1000000]: 0 is taken", |p| p.roughness == 1.0),
+        ("", "Ns 1e9", "`Ns` 1e9 is not in [0, 1000000]: 1000000 is taken", |p| {
+            (0.03..0.04).contains(&p.roughness)
+        }),
+        ("", "d 2", "`d` 2 is not in [0, 1]: 1 is taken", |p| p.opacity == 1.0),
+        ("", "d -1", "`d` -1 is not in [0, 1]: 0 is taken", |p| p.opacity == 0.0),
+        ("", "Tr 3", "`Tr` 3 is not in [0, 1]: 1 is taken", |p| p.opacity == 0.0),
+        ("", "Tr -1", "`Tr` -1 is not in [0, 1]: 0 is taken", |p| p.opacity == 1.0),
+        ("", "Ke -1 0 2", "`Ke` [-1, 0, 2] is not at least 0: [0, 0, 2] is taken", |p| {
+            p.emission == Vec3::new(0.0, 0.0, 2.0)
+        }),
+        (glass, "Tf -1 0 1", "`Tf` [-1, 0, 1] is not in [0, 1]: [0, 0, 1] is taken", |p| {
+            p.base_color == Vec3::Z
+        }),
+        (glass, "Tf 2 1 1", "`Tf` [2, 1, 1] is not in [0, 1]: [1, 1, 1] is taken", |p| {
+            p.base_color == Vec3::ONE
+        }),
+        (glass, "Ni 5", "`Ni` 5 is not in [1, 4]: 4 is taken", |p| p.ior == 4.0),
+        (glass, "Ni 1e9", "`Ni` 1e9 is not in [1, 4]: 4 is taken", |p| p.ior == 4.0),
+        (coat, "Ni 5", "`Ni` 5 is not in [1, 4]: 4 is taken", |p| p.ior == 4.0),
+        ("", "Kd 2 0.5 0.5", "`Kd` [2, 0.5, 0.5] is not in [0, 1]: [1, 0.5, 0.5] is taken", |p| {
+            p.base_color == Vec3::new(1.0, 0.5, 0.5)
+        }),
+        ("", "Kd -1 0.5 0.5", "`Kd` [-1, 0.5, 0.5] is not in [0, 1]: [0, 0.5, 0.5] is taken", |p| {
+            p.base_color == Vec3::new(0.0, 0.5, 0.5)
+        }),
+        ("Kd 0 0 0\nillum 3\n", "Ks 2 1 1", "`Ks` [2, 1, 1] is not in [0, 1]: [1, 1, 1] is taken", |p| {
+            p.model == Model::Conductor && p.base_color == Vec3::ONE
+        }),
+        ("Kd 1 1 1\n", "Ks -1 0 0", "`Ks` [-1, 0, 0] is not in [0, 1]: [0, 0, 0] is taken", |p| {
+            p.model == Model::Diffuse
+        }),
+        ("Pr 2\nPr 0.5\n", "Pm 7", "`Pm` 7 is not in [0, 1]: 1 is taken", |p| p.roughness == 0.5),
+        ("", "Pr 1e30", "`Pr` 1e30 is not in [0, 1]: 1 is taken", |p| p.roughness == 1.0),
+        ("", "Kd 1e30", "`Kd` [1e30, 1e30, 1e30] is not in [0, 1]: [1, 1, 1] is taken", |p| {
+            p.base_color == Vec3::ONE
+        }),
+    ];
+    for (before, line, wanted, is_taken) in cases {
+        let (p, warnings) = of(&format!("newmtl m\n{before}{line}\n"));
+        let wanted = format!("material `m`: {wanted}");
+        let n = warnings.iter().filter(|w| w.ends_with(&wanted)).count();
+        assert!(n == 1 && is_taken(&p), "`{line}`: wanted once `{wanted}` in: {warnings:?}; {p:?}");
+    }
+    // What programs write for their own reasons, and roundings, are not worth a word.
+    for quiet in [
+        "Ns 1000",
+        "Ns 100000",
+        "Kd 1.0005 1 1",
+        "Kd 1 1 1\nKs 1 1 1\nNi 1",
+        "Ni 50",
+        "Tf 2 2 2",
+        "Ni -1",
+        "d 1.00001",
+        "Ns -1\nPr 0.5",
+    ] {
+        let (_, warnings) = of(&format!("newmtl m\n{quiet}\n"));
+        assert!(warnings.is_empty(), "`{quiet}`: {warnings:?}");
+    }
+    // Blender's exporter has ranges of its own, and writes -1 for what it does not know.
+    for (line, wanted) in [
+        ("Ns 1000.0001", 0),
+        ("Ns 1002", 0),
+        ("Ns 2000", 1),
+        ("Ns -1\nPr -1\nPm -1\nKs -1 -1 -1\nNi -1\nd -1\nTf -1 -1 -1\nillum -1", 0),
+        ("Pr -0.5", 1),
+        ("Pr 2\nPm 2\nKs 2 2 2\nNi 5\nd 2\nTf 0 0 0\nillum 2.5\nKe -1 0 0\nKd 2 0 0", 8),
+        ("Tf 2 2 2", 1),
+    ] {
+        let (_, warnings) = of(&format!("# Blender 4.2.0 MTL File: 'None'\nnewmtl m\n{line}\n"));
+        assert_eq!(
+            warnings.iter().filter(|w| w.contains("is taken")).count(),
+            wanted,
+            "{line}: {warnings:?}"
+        );
     }
 }
 

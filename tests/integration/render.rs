@@ -1,6 +1,7 @@
 //! `lightopt-embree render`.
 
 use lightopt_embree::film::exr::{ExrImage, read_exr};
+use lightopt_embree::film::image_file;
 use predicates::str::contains;
 
 use crate::room::{MTL, OBJ, Room, TOML, names};
@@ -175,6 +176,74 @@ fn help_and_version_go_to_standard_output() {
     }
     room.command(&["--version"]).assert().code(0).stdout(contains(env!("CARGO_PKG_VERSION")));
     room.command(&["--help"]).assert().code(0).stdout(contains("evaluate"));
+}
+
+#[test]
+fn the_light_is_the_same_at_the_largest_exposure() {
+    let room = Room::new();
+    let picture = |exposure: &str, name: &str| {
+        room.succeed(&["render", "room.obj", "--spp", "4", "--exposure", exposure, "-o", name]);
+        image_file::read_image(&room.path(name)).unwrap().rgb
+    };
+    let (one, largest) = (picture("1", "a.exr"), picture("1e12", "b.exr"));
+    // In units of white the splats are 10¹² times as large; the sums differ by their rounding, 2⁻³² of white.
+    for (a, b) in one.as_flattened().iter().zip(largest.as_flattened()) {
+        assert!((a - b).abs() <= 1e-6 * a.max(1e-2), "{a} {b}");
+    }
+    assert!(one.as_flattened().iter().any(|v| *v > 0.1));
+}
+
+#[test]
+fn a_sphere_smaller_than_the_rounding_of_its_place_is_a_point() {
+    let mean = |light: &str| {
+        let (before, _) = TOML.split_once("[[lights]]").unwrap();
+        let light = format!("[[lights]]\nname = \"l\"\nposition = [-0.8, 1.2, 0.8]\n{light}\n");
+        let room = Room::with(OBJ, MTL, &format!("{before}{light}"));
+        room.succeed(&["render", "room.obj", "--spp", "256", "-o", "a.exr"]);
+        let rgb = image_file::read_image(&room.path("a.exr")).unwrap().rgb;
+        rgb.as_flattened().iter().sum::<f32>() / rgb.as_flattened().len() as f32
+    };
+    // The intensity πR²L; what differs is noise.
+    let point = mean(&format!("type = \"point\"\nradiance = {}", std::f64::consts::PI));
+    for (radius, radiance) in [("1e-4", "1e8"), ("1e-7", "1e14")] {
+        let sphere = mean(&format!("type = \"sphere\"\nradius = {radius}\nradiance = {radiance}"));
+        assert!((sphere / point - 1.0).abs() < 5e-3, "{radius}: {sphere} {point}");
+    }
+}
+
+#[test]
+fn lights_out_of_range_are_shown_as_written() {
+    let room = Room::new();
+    for (lights, wanted) in [
+        ("exposure = 1e40", "`exposure`: must be from 1e-12 to 1e12, got 1e40"),
+        (
+            "[[lights]]\nname = \"key\"\nradiance = 1e40",
+            "`lights.key.radiance`: must be >= 0 and at most 1e15, got 1e40",
+        ),
+        (
+            "[[lights]]\nname = \"key\"\nradiance = 1\nsize = 1e40",
+            "`lights.key.size`: must be > 0, from 1.1754944e-38 to 3.4028235e38, got 1e40",
+        ),
+        ("[background]\nvalue = 1e40", "`background.value`: must be in [0, "),
+    ] {
+        room.write("l.toml", format!("schema = 1\n{lights}\n"));
+        let error = room.fail(&["render", "room.obj", "--lights", "l.toml", "--spp", "1", "-o", "a.png"]);
+        assert!(error.contains(wanted) && error.ends_with("got 1e40"), "{error}");
+    }
+}
+
+#[test]
+fn an_emission_is_named_where_it_is_given() {
+    // An image of radiances up to 1e3 takes what the sidecar allows over the limit.
+    let mtl = format!("{MTL}map_Ke glow.exr\n");
+    let obj = OBJ.replace("f 14 13 12 11", "vt 0 0\nf 14/1 13/1 12/1 11/1");
+    let toml = TOML.replacen("[[lights]]", "[materials.red]\nemission = [1e15, 1e15, 1e15]\n[[lights]]", 1);
+    let room = Room::with(&obj, &mtl, &toml);
+    image::Rgb32FImage::from_pixel(2, 2, image::Rgb([1e3; 3])).save(room.path("glow.exr")).unwrap();
+    let error = room.fail(&["render", "room.obj", "--spp", "1", "-o", "a.png"]);
+    let start =
+        "error: room.toml: `materials.red.emission`: its radiance must be >= 0 and at most 1e15, got ";
+    assert!(error.starts_with(start), "{error}");
 }
 
 #[test]

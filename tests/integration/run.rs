@@ -287,6 +287,35 @@ fn a_bare_name_is_sought_among_the_scenes_and_said_so() {
     }
 }
 
+#[cfg(unix)]
+#[test]
+fn the_directories_of_all_looks_are_checked_before_anything_is_rendered() {
+    let room = Room::new();
+    let run = quick(&["--targets", "high-key,low-key", "--out", "a"]);
+    let refused = |wanted: &str| {
+        let error = room.fail_at_once(&run);
+        assert!(error.contains(wanted), "{error}");
+        assert!(!room.path("a/high-key").exists());
+    };
+    room.write("a/low-key/mine", "");
+    refused("a/low-key: not empty and not a run directory");
+    fs::remove_dir_all(room.path("a/low-key")).unwrap();
+    std::os::unix::fs::symlink("nowhere", room.path("a/low-key")).unwrap();
+    refused("a/low-key: cannot follow the link: ");
+    fs::remove_file(room.path("a/low-key")).unwrap();
+    room.write("a/low-key", "");
+    refused("a/low-key: cannot read the directory: ");
+    fs::remove_file(room.path("a/low-key")).unwrap();
+    fs::create_dir(room.path("a/low-key")).unwrap();
+    let lock = fs::File::open(room.path("a/low-key")).unwrap();
+    lock.lock().unwrap();
+    refused("a/low-key: another run is being recorded here");
+    drop(lock);
+    room.succeed(&run);
+    fs::remove_dir_all(room.path("a/high-key")).unwrap();
+    refused("a/low-key: a run is recorded here already");
+}
+
 #[test]
 fn earlier_runs_are_replaced_only_by_force_and_foreign_files_never() {
     let room = Room::new();
@@ -323,6 +352,12 @@ fn earlier_runs_are_replaced_only_by_force_and_foreign_files_never() {
     assert!(error.contains("room.obj: cannot read the directory"), "{error}");
     let error = room.fail_at_once(&quick(&["--out", "room.obj/a"]));
     assert!(error.contains("room.obj/a: cannot"), "{error}");
+    // Nobody, root included, can make a directory there.
+    #[cfg(target_os = "linux")]
+    for out in ["/proc/x", "/proc/x/y"] {
+        let error = room.fail_at_once(&quick(&["--out", out]));
+        assert!(error.starts_with(&format!("error: {out}: cannot make the directory: ")), "{error}");
+    }
 }
 
 #[test]

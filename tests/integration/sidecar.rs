@@ -106,14 +106,14 @@ fn what_is_missing_is_named() {
 fn values_out_of_range_are_answered_with_what_is_allowed() {
     check(&[
         ("schema = 1", "schema = 2", "`schema`: this program reads version 1, the file says 2"),
-        ("schema = 1", "schema = 1\nexposure = 0.0", "`exposure`: must be > 0, got 0"),
-        ("schema = 1", "schema = 1\nexposure = nan", "`exposure`: must be > 0, got NaN"),
+        ("schema = 1", "schema = 1\nexposure = 0.0", "`exposure`: must be from 1e-12 to 1e12, got 0"),
+        ("schema = 1", "schema = 1\nexposure = nan", "`exposure`: must be from 1e-12 to 1e12, got NaN"),
         (
             "schema = 1",
             "schema = 1\ncrease_angle = -1.0",
             "`crease_angle`: must be in [0, 180] degrees, got -1",
         ),
-        ("45.0", "180.0", "`camera.vfov`: must be in (0, 180) degrees, got 180"),
+        ("45.0", "180.0", "`camera.vfov`: must be from 0.001 to 179.9 degrees, got 180"),
         ("[24, 18]", "[24, 18]\nshift = [0.0, 11.0]", "`camera.shift`: must be from -10 to 10, got [0, 11]"),
         ("[24, 18]", "[0, 18]", "`camera.size`: must be at least 1 x 1"),
         ("[24, 18]", "[65536, 65536]", "`camera.size`: must be at least 1 x 1 and at most"),
@@ -133,7 +133,7 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
         (
             "radiance = 5.0",
             "radiance = 1e39",
-            "`lights.fill.radiance`: must be >= 0 and at most 1e15, got inf",
+            "`lights.fill.radiance`: must be >= 0 and at most 1e15, got 1e39",
         ),
         ("radiance = 5.0", "radiance_max = 0.0", "`lights.fill.radiance_max`: must be > 0, got 0"),
         ("radiance = 5.0", "size_range = [2.0, 1.0]", "`lights.fill.size_range`: must be 0 < min <= max"),
@@ -184,7 +184,7 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
         (
             "[[lights]]",
             "[materials.red]\nemission = [1, -1, 0]\n[[lights]]",
-            "`materials.red.emission`: channels must be >= 0, got [1.0, -1.0, 0.0]",
+            "`materials.red.emission`: channels must be >= 0 and at most 1e15, got [1, -1, 0]",
         ),
         (
             "[[lights]]",
@@ -194,11 +194,200 @@ fn values_out_of_range_are_answered_with_what_is_allowed() {
     ]);
 }
 
+#[test]
+fn numbers_that_are_too_large_or_too_small_are_shown_as_written() {
+    let material = |key: &str| format!("[materials.red]\n{key}\n[[lights]]");
+    let camera = |key: &str| format!("[24, 18]\n{key}");
+    let light = |key: &str| format!("radiance = 5.0\n{key}");
+    let backdrop = |key: &str, value: &str| {
+        let keys = "front = 2\nback = 2\nwidth = 2\nheight = 2\n";
+        let given = format!("{key} = ");
+        let kept: String =
+            keys.lines().filter(|l| !l.starts_with(&given)).map(|l| format!("{l}\n")).collect();
+        format!("[backdrop]\n{kept}{key} = {value}\n[[lights]]")
+    };
+    let lengths = "must be from 5.4229937e-19 to 1.844e18, got 1e40";
+    let f32s = "must be from 1.1754944e-38 to 3.4028235e38, got";
+    for (from, to, wanted) in [
+        (
+            "schema = 1",
+            "schema = 1\nexposure = 1e40".into(),
+            "`exposure`: must be from 1e-12 to 1e12, got 1e40",
+        ),
+        (
+            "schema = 1",
+            "schema = 1\nexposure = 1e-40".into(),
+            "`exposure`: must be from 1e-12 to 1e12, got 1e-40",
+        ),
+        ("schema = 1", "schema = 1\nscale = 1e40".into(), &format!("`scale`: {f32s} 1e40")),
+        ("schema = 1", "schema = 1\nscale = 1e-40".into(), &format!("`scale`: {f32s} 1e-40")),
+        (
+            "schema = 1",
+            "schema = 1\nscale = 1e30".into(),
+            "`scale`: no triangle is left of those that are 1e30 as",
+        ),
+        (
+            "schema = 1",
+            "schema = 1\ncrease_angle = 1e40".into(),
+            "`crease_angle`: must be in [0, 180] degrees, got 1e40",
+        ),
+        ("45.0", "1e40".into(), "`camera.vfov`: must be from 0.001 to 179.9 degrees, got 1e40"),
+        ("45.0", "179.99999999".into(), "to 179.9 degrees, got 179.99999999"),
+        (
+            "[24, 18]",
+            camera("up = [0, 1e40, 0]"),
+            "`camera.up`: must be at most 1.844e18 in magnitude, got [0, 1e40, 0]",
+        ),
+        ("[24, 18]", camera("shift = [1e40, 0]"), "`camera.shift`: must be from -10 to 10, got [1e40, 0]"),
+        ("[24, 18]", camera("aperture_radius = 1e40"), &format!("`camera.aperture_radius`: {lengths}")),
+        (
+            "[24, 18]",
+            camera("aperture_radius = 1.0\nfocus_distance = 1e40"),
+            &format!("`camera.focus_distance`: {lengths}"),
+        ),
+        (
+            "[0.0, 1.0, 3.0]",
+            "[1e300, 1.0, 3.0]".into(),
+            "`camera.position`: must be at most 1.844e18 in magnitude, got [1e300, 1, 3]",
+        ),
+        (
+            "[-0.8, 1.2, 0.8]",
+            "[-1e300, 1.2, 0.8]".into(),
+            "`lights.fill.position`: must be at most 1.844e18 in magnitude, got [-1e300, 1.2, 0.8]",
+        ),
+        (
+            "[0.0, 0.3, 0.0]",
+            "[0, 0, 0]\nup = [1e40, 0, 0]".into(),
+            "`lights.key.up`: must be at most 1.844e18 in magnitude, got [1e40, 0, 0]",
+        ),
+        ("[0.2, 0.15]", "[0.2, 1e40]".into(), &format!("`lights.key.half_extents`: {lengths}")),
+        ("radius = 0.1", "radius = 1e40".into(), &format!("`lights.fill.radius`: {lengths}")),
+        (
+            "radius = 0.1",
+            "radius = 1e-40".into(),
+            "`lights.fill.radius`: must be from 5.4229937e-19 to 1.844e18, got 1e-40",
+        ),
+        ("radiance = 5.0", light("size = 1e40"), &format!("`lights.fill.size`: {f32s} 1e40")),
+        (
+            "radiance = 5.0",
+            light("size = 1e30"),
+            "`lights.fill.size`: must give a length from 5.4229937e-19 to 1.844e18 m, gives 1e29",
+        ),
+        (
+            "radiance = 5.0",
+            light("size_range = [1, 1e40]"),
+            &format!("`lights.fill.size_range`: {f32s} 1e40"),
+        ),
+        (
+            "radiance = 5.0",
+            light("size_range = [1e-50, 1]"),
+            &format!("`lights.fill.size_range`: {f32s} 1e-50"),
+        ),
+        ("radiance = 5.0", light("radiance_max = 1e40"), "`lights.fill.radiance_max`: "),
+        (
+            "radiance = 5.0",
+            light("radiance_max = 1e20"),
+            "`lights.fill.radiance_max`: must be >= 0 and at most 1e15, got 1e20",
+        ),
+        (
+            "radiance = 5.0",
+            "radiance = 1e40".into(),
+            "`lights.fill.radiance`: must be >= 0 and at most 1e15, got 1e40",
+        ),
+        (
+            "radiance = 5.0",
+            light("color = [1e40, 0, 0]"),
+            "`lights.fill.color`: channels must be >= 0 and not all 0, at most 1e15, got [1e40, 0, 0]",
+        ),
+        (
+            "[[lights]]",
+            "[background]\nvalue_range = [0, 1e40]\n[[lights]]".into(),
+            "`background.value_range`: must be 0 <= min <= max, max at most 3.4028235e38, got [0, 1e40]",
+        ),
+        ("[[lights]]", material("ior = 1e40"), "`materials.red.ior`: must be in (1, 4], got 1e40"),
+        (
+            "[[lights]]",
+            material("roughness = 1e40"),
+            "`materials.red.roughness`: must be in [0, 1], got 1e40",
+        ),
+        (
+            "[[lights]]",
+            material("base_color = [1e40, 0, 0]"),
+            "`materials.red.base_color`: channels must be in [0, 1], got [1e40, 0, 0]",
+        ),
+        (
+            "[[lights]]",
+            material("emission = [1e18, 0, 0]"),
+            "room.toml: `materials.red.emission`: channels must be >= 0 and at most 1e15, got [1e18, 0, 0]",
+        ),
+        ("[[lights]]", backdrop("front", "1e40"), &format!("`backdrop.front`: {lengths}")),
+        (
+            "[[lights]]",
+            backdrop("radius", "1e40"),
+            "`backdrop.radius`: must be > 0 and at most `back` and `height`, got 1e40",
+        ),
+        (
+            "[[lights]]",
+            backdrop("base_color", "[1e40, 0, 0]"),
+            "`backdrop.base_color`: channels must be in [0, 1], got [1e40, 0, 0]",
+        ),
+    ] {
+        check(&[(from, to.as_str(), wanted)]);
+    }
+}
+
+#[test]
+fn a_turn_of_many_times_is_a_turn() {
+    let sky = |rotation: &str| {
+        let toml =
+            format!("{TOML}[[lights]]\nname = \"sky\"\ntype = \"environment\"\nrotation = {rotation}\n");
+        let room = Room::with(OBJ, MTL, &format!("{toml}image = \"sky.png\"\n"));
+        image::RgbImage::from_fn(8, 4, |x, _| image::Rgb([32 * x as u8, 255, 0]))
+            .save(room.path("sky.png"))
+            .unwrap();
+        room.succeed(&["render", "room.obj", "--spp", "1", "-o", "a.png"]);
+        std::fs::read(room.path("a.png")).unwrap()
+    };
+    assert!(sky("3610") == sky("10") && sky("10") != sky("0"));
+    // What is left of it is not what anyone meant, but it is a turn.
+    sky("1e40");
+}
+
+#[test]
+fn the_brightest_surface_and_light_are_rendered() {
+    for (from, to) in [
+        ("[[lights]]", "[materials.red]\nemission = [1e15, 1e15, 1e15]\n[[lights]]"),
+        ("radiance = 5.0", "radiance = 1e15"),
+    ] {
+        let room = Room::with(OBJ, MTL, &TOML.replacen(from, to, 1));
+        room.succeed(&["render", "room.obj", "--spp", "1", "-o", "a.png"]);
+    }
+}
+
+#[test]
+fn a_camera_is_named_by_a_word_or_a_number() {
+    let wanted = "expected the name of a camera, or its number from 1";
+    for (given, what) in [
+        ("1.5", "invalid type: floating point `1.5`"),
+        ("true", "invalid type: boolean `true`"),
+        ("[1]", "invalid type: sequence"),
+        ("0", "invalid value: integer `0`"),
+        ("-2", "invalid value: integer `-2`"),
+    ] {
+        let error = error_of("[24, 18]", &format!("[24, 18]\nname = {given}"));
+        assert_eq!(error, format!("error: room.toml:7: `camera.name`: {what}, {wanted}"));
+    }
+}
+
 /// What the room with one more light is answered with.
 fn error_of_light(keys: &str) -> String {
     let room = Room::with(OBJ, MTL, &format!("{TOML}[[lights]]\nname = \"x\"\n{keys}\n"));
     room.write("none.png", "no picture");
     image::RgbImage::new(4, 2).save(room.path("black.png")).unwrap();
+    for (name, brightest) in [("sun.exr", 1e20), ("star.exr", 1e38)] {
+        let sky = |x, y| image::Rgb([1.0, if (x, y) == (2, 1) { brightest } else { 1.0 }, 1.0]);
+        image::Rgb32FImage::from_fn(4, 2, sky).save(room.path(name)).unwrap();
+    }
     room.fail_at_once(&["render", "room.obj", "--spp", "1", "-o", "a.png"])
 }
 
@@ -232,6 +421,14 @@ fn surroundings_are_nowhere_and_have_a_picture() {
             ("image = \"no.exr\"", "image`: no.exr: cannot open the picture: No such file"),
             ("image = \"none.png\"", "image`: none.png: cannot read it as a picture"),
             ("image = \"black.png\"", "image`: black.png: needs values >= 0, not all 0"),
+            (
+                "image = \"sun.exr\"",
+                "image`: sun.exr: the pixel at column 2, row 1 is 1e20; a radiance is finite and at most 1e15",
+            ),
+            (
+                "image = \"star.exr\"",
+                "image`: star.exr: the pixel at column 2, row 1 is 1e38; a radiance is finite and at most 1e15",
+            ),
         ],
     );
     check_lights(

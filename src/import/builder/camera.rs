@@ -1,10 +1,13 @@
 //! The camera: that of the scene file, with what the sidecar says of it.
 
-use glam::{UVec2, Vec3};
+use std::ops::RangeInclusive;
+
+use glam::{DVec2, UVec2, Vec3};
 
 use super::{LoadOptions, source::Source};
 use crate::{
     camera::{Camera, Lens, MAX_PIXELS, is_film_size},
+    files::number::{Number, Numbers},
     import::{
         error::ImportError,
         imported::{Imported, ImportedCamera},
@@ -15,9 +18,12 @@ use crate::{
 /// Largest aspect ratio, and inverse of the smallest, of an imported camera's film: beyond it a film
 /// [`DEFAULT_FILM`] wide has fewer than 40 rows, or more than 10 240.
 const MAX_ASPECT: f32 = 16.0;
+/// Vertical fields of view, degrees. Narrower than the least, the rays of a picture have the same direction in
+/// f32; at 180° they would have none.
+const VFOVS: RangeInclusive<f64> = 0.001..=179.9;
 /// Largest shift of the film, in lengths of its longer side: the range of Blender's, beyond which a picture
 /// is seen at an angle of more than 87 degrees.
-const MAX_SHIFT: f32 = 10.0;
+const MAX_SHIFT: f64 = 10.0;
 /// Keys of `[camera]` that say where a camera is and what it sees.
 const PLACE: &str = "`position`, `look_at`, `up` and `vfov`";
 
@@ -114,8 +120,8 @@ impl Source<'_> {
         let ahead = base.map(|c| position + (c.look_at - c.position));
         let look_at = point("look_at", spec.look_at)?.or(ahead).ok_or_else(|| needed("look_at"))?;
         let own_up = base.filter(|_| spec.look_at.is_none()).map_or(Vec3::Y, |c| c.up);
-        let up = spec.up.map_or(own_up, Vec3::from_array);
-        let vfov = spec.vfov.or(base.map(|c| c.vfov)).ok_or_else(|| needed("vfov"))?;
+        let up = spec.up.map_or(Ok(own_up), |up| self.finite("camera.up", up))?;
+        let vfov = spec.vfov.map(|v| v as f32).or(base.map(|c| c.vfov)).ok_or_else(|| needed("vfov"))?;
         let own_size = base.filter(|_| !is_placed(&spec)).map_or(DEFAULT_FILM, |c| film_of(&c));
         let size = UVec2::from_array(spec.size.unwrap_or(own_size));
         let camera = Camera::new(position, look_at, up, vfov, size).ok_or_else(|| match &sidecar.camera {
@@ -130,17 +136,18 @@ impl Source<'_> {
             None => (subject() - position).dot(camera.forward()),
         };
         let lens = self.lens(&spec, middle)?;
-        Ok(camera.with_lens(lens).with_shift(spec.shift.unwrap_or_default().into()))
+        Ok(camera.with_lens(lens).with_shift(DVec2::from(spec.shift.unwrap_or_default()).as_vec2()))
     }
 
     /// Checks the values that are given.
     fn check(&self, c: &CameraSpec) -> Result<(), ImportError> {
-        if let Some(vfov) = c.vfov.filter(|v| !(*v > 0.0 && *v < 180.0)) {
-            return Err(self.error("camera.vfov", format!("must be in (0, 180) degrees, got {vfov}")));
+        if let Some(vfov) = c.vfov.filter(|v| !VFOVS.contains(v)) {
+            let [least, most] = [VFOVS.start(), VFOVS.end()];
+            let message = format!("must be from {least} to {most} degrees, got {}", Number(vfov));
+            return Err(self.error("camera.vfov", message));
         }
-        c.up.map_or(Ok(()), |up| self.finite("camera.up", up))?;
-        if let Some([x, y]) = c.shift.filter(|s| !s.iter().all(|v| v.abs() <= MAX_SHIFT)) {
-            let message = format!("must be from -{MAX_SHIFT} to {MAX_SHIFT}, got [{x}, {y}]");
+        if let Some(shift) = c.shift.filter(|s| !s.iter().all(|v| v.abs() <= MAX_SHIFT)) {
+            let message = format!("must be from -{MAX_SHIFT} to {MAX_SHIFT}, got {}", Numbers(&shift));
             return Err(self.error("camera.shift", message));
         }
         if let Some(size) = c.size.filter(|&size| !is_film_size(size.into())) {
@@ -156,8 +163,9 @@ impl Source<'_> {
             (None, None) => Ok(None),
             (None, Some(_)) => Err(self.error("camera.focus_distance", "needs `aperture_radius`")),
             (Some(radius), focus) => {
-                let radius = self.positive("camera.aperture_radius", radius)?;
-                let focus_distance = self.positive("camera.focus_distance", focus.unwrap_or_else(middle))?;
+                let radius = self.length("camera.aperture_radius", radius)?;
+                let focus = focus.unwrap_or_else(|| f64::from(middle()));
+                let focus_distance = self.length("camera.focus_distance", focus)?;
                 Ok(Some(Lens { radius, focus_distance }))
             }
         }

@@ -8,10 +8,11 @@ use super::{
     source::Source,
 };
 use crate::{
+    files::number::{Number, Numbers},
     import::{
         error::ImportError,
         imported::{ImportedLight, MAX_LIGHT_NAME, printable_name},
-        sidecar::{LightSpec, Sidecar},
+        sidecar::{LightSpec, MaterialSpec, Sidecar},
     },
     light::{Light, Shape},
     lighting::MAX_RADIANCE,
@@ -73,7 +74,14 @@ impl Source<'_> {
                 camera_visible: true,
                 occludes: false,
             };
-            self.check_radiance(&light)?;
+            let material = &materials[m].name;
+            let is_given = |spec: &MaterialSpec| spec.emission.is_some();
+            if sidecar.materials.get(material).is_some_and(is_given) {
+                let key = format!("materials.{material}.emission");
+                check_radiance(&light, |message| self.error(key, message))?;
+            } else {
+                self.check_radiance(&light)?;
+            }
             lights.push((light, from_file()));
         }
         Ok(lights)
@@ -81,12 +89,8 @@ impl Source<'_> {
 
     /// Checks the radiance of a light of the scene file, or of one of its materials.
     fn check_radiance(&self, light: &Light) -> Result<(), ImportError> {
-        if (0.0..=MAX_RADIANCE).contains(&light.radiance) {
-            return Ok(());
-        }
-        let message =
-            format!("its radiance must be >= 0 and at most {MAX_RADIANCE:e}, got {:e}", light.radiance);
-        Err(ImportError::Key { path: self.scene_path.to_path_buf(), key: light.name.clone(), message })
+        let path = self.scene_path.to_path_buf();
+        check_radiance(light, |message| ImportError::Key { path, key: light.name.clone(), message })
     }
 
     /// Names of the sidecar's lights, which become those of EXR parts and must be unique.
@@ -105,28 +109,39 @@ impl Source<'_> {
         Ok(names)
     }
 
+    fn size_range(&self, light: &str, range: [f64; 2]) -> Result<[f32; 2], ImportError> {
+        let [lo, hi] = range;
+        let key = format!("lights.{light}.size_range");
+        if !(lo > 0.0 && lo <= hi) {
+            return Err(self.error(key, format!("must be 0 < min <= max, got {}", Numbers(&range))));
+        }
+        Ok([self.positive(&key, lo)?, self.positive(&key, hi)?])
+    }
+
+    fn radiance_max(&self, light: &str, max: f64) -> Result<f32, ImportError> {
+        let key = format!("lights.{light}.radiance_max");
+        self.positive(&key, max).and_then(|_| self.radiance(&key, max))
+    }
+
     fn light_constraints(&self, sidecar: &Sidecar, l: &LightSpec) -> Result<LightConstraints, ImportError> {
-        if let Some([lo, hi]) = l.size_range
-            && !(lo > 0.0 && lo <= hi && hi.is_finite())
-        {
-            let key = format!("lights.{}.size_range", l.name);
-            return Err(self.error(key, format!("must be 0 < min <= max, got [{lo}, {hi}]")));
-        }
-        if let Some(max) = l.radiance_max {
-            self.positive(&format!("lights.{}.radiance_max", l.name), max)?;
-        }
+        let size_range = l.size_range.map(|range| self.size_range(&l.name, range)).transpose()?;
+        let radiance_max = l.radiance_max.map(|max| self.radiance_max(&l.name, max)).transpose()?;
         if l.occludes && (l.size_range.is_some() || l.free.as_ref().is_some_and(|f| f.contains("size"))) {
             let key = format!("lights.{}.occludes", l.name);
             return Err(self.error(key, "a light that stops rays has no free size"));
         }
         let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
-        Ok(LightConstraints {
-            free,
-            size_range: l.size_range,
-            radiance_max: l.radiance_max,
-            is_from_file: false,
-        })
+        Ok(LightConstraints { free, size_range, radiance_max, is_from_file: false })
     }
+}
+
+/// Checks the radiance of a light; `fail` makes the error.
+fn check_radiance(light: &Light, fail: impl FnOnce(String) -> ImportError) -> Result<(), ImportError> {
+    if (0.0..=MAX_RADIANCE).contains(&light.radiance) {
+        return Ok(());
+    }
+    let got = Number(light.radiance);
+    Err(fail(format!("its radiance must be >= 0 and at most {MAX_RADIANCE:e}, got {got}")))
 }
 
 /// A name for the light of a material: printable, and different from the names in use, to which it is

@@ -10,11 +10,17 @@ use std::{
     sync::Arc,
 };
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::{emitters::Emitters, source::Source};
+use super::{
+    emitters::Emitters,
+    source::{MAX_LENGTH, MIN_LENGTH, Source, is_length},
+};
 use crate::{
-    files::reach::MAX_PICTURE_BYTES,
+    files::{
+        number::{Number, Numbers},
+        reach::MAX_PICTURE_BYTES,
+    },
     film::image_file::LinearImage,
     import::{
         error::ImportError,
@@ -34,12 +40,14 @@ use crate::{
 /// texels take 96 MiB, and the sun (0.53°) is 6 texels wide.
 const MAX_MAP_WIDTH: usize = 4096;
 /// Share of a spot's half-angle that is soft edge where the sidecar does not say.
-const DEFAULT_SOFTNESS: f32 = 0.2;
+const DEFAULT_SOFTNESS: f64 = 0.2;
+/// Least half-angle of a spot, degrees, as that of a glTF's: a narrower cone's solid angle drowns in rounding.
+const MIN_ANGLE: f64 = 0.06;
 /// The lights that have a size, in messages.
 const SIZED: &str = "a light with a size: a rectangle, disk or sphere, or a spot with a radius";
 
 /// The keys of `[[lights]]` that a light of a type and a radius takes besides those that all lights take.
-fn keys_of(kind: LightType, radius: Option<f32>) -> &'static [&'static str] {
+fn keys_of(kind: LightType, radius: Option<f64>) -> &'static [&'static str] {
     match kind {
         LightType::Rectangle => {
             &["position", "look_at", "up", "half_extents", "size", "size_range", "occludes"]
@@ -69,22 +77,20 @@ impl Source<'_> {
         reader.check_keys()?;
         let (shape, emission) = reader.shape(emitters, warnings)?;
         let own = reader.own;
-        let color = spec.color.map(Rgb::from_array).or(emission).or(own.map(|l| l.color)).unwrap_or(Rgb::ONE);
-        let y = luminance(color);
-        if !(color.min_element() >= 0.0 && y > 0.0 && color.is_finite()) {
-            return Err(reader.error("color", format!("channels must be >= 0 and not all 0, got {color}")));
-        }
-        let size = reader.positive("size", spec.size.unwrap_or(1.0))?;
-        let radiance = spec.radiance.or(emission.map(luminance));
-        let radiance = radiance.or_else(|| reader.own_radiance(&shape)).unwrap_or(1.0);
-        if !(0.0..=MAX_RADIANCE).contains(&radiance) {
-            let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {radiance}");
-            return Err(reader.error("radiance", message));
-        }
+        let color = match spec.color {
+            Some(color) => reader.color(color)?,
+            None => emission.or(own.map(|l| l.color)).unwrap_or(Rgb::ONE),
+        };
+        let size = reader.size(&shape)?;
+        let radiance = match spec.radiance {
+            Some(radiance) => f64::from(self.radiance(&reader.key("radiance"), radiance)?),
+            None => emission.map(luminance).or_else(|| reader.own_radiance(&shape)).map_or(1.0, f64::from),
+        };
+        let radiance = self.radiance(&reader.key("radiance"), radiance)?;
         Ok(Light {
             name: spec.name.clone(),
             shape,
-            color: color / y,
+            color: color / luminance(color),
             radiance,
             size,
             camera_visible: spec.camera_visible,
@@ -134,8 +140,39 @@ impl<'a> LightReader<'a> {
         self.error(key, format!("a {} light needs this key", self.kind.keyword()))
     }
 
-    fn positive(&self, key: &str, value: f32) -> Result<f32, ImportError> {
-        self.source.positive(&self.key(key), value)
+    fn length(&self, key: &str, value: f64) -> Result<f32, ImportError> {
+        self.source.length(&self.key(key), value)
+    }
+
+    /// A colour that the sidecar gives. It is scaled to luminance 1, so that its range is only what can be
+    /// computed with, which is that of a radiance.
+    fn color(&self, given: [f64; 3]) -> Result<Rgb, ImportError> {
+        let color = DVec3::from_array(given).as_vec3();
+        if luminance(color) > 0.0 && color.to_array().iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) {
+            return Ok(color);
+        }
+        let got = Numbers(&given);
+        let message = format!("channels must be >= 0 and not all 0, at most {MAX_RADIANCE:e}, got {got}");
+        Err(self.error("color", message))
+    }
+
+    /// The factor on the extents of the shape, which give a length with it.
+    fn size(&self, shape: &Shape) -> Result<f32, ImportError> {
+        let size = self.source.positive(&self.key("size"), self.spec.size.unwrap_or(1.0))?;
+        let extent = match shape {
+            Shape::Planar(planar) => planar.outline.extent(),
+            Shape::Sphere(sphere) => sphere.radius,
+            Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => return Ok(size),
+        };
+        let length = f64::from(size) * f64::from(extent);
+        if !is_length(length) {
+            let message = format!(
+                "must give a length from {MIN_LENGTH:e} to {MAX_LENGTH:e} m, gives {}",
+                Number(length)
+            );
+            return Err(self.error("size", message));
+        }
+        Ok(size)
     }
 
     /// Checks that no key is given that the light's type does not have.
@@ -199,7 +236,7 @@ impl<'a> LightReader<'a> {
     }
 
     fn radius(&self) -> Result<f32, ImportError> {
-        self.positive("radius", self.spec.radius.ok_or_else(|| self.missing("radius"))?)
+        self.length("radius", self.spec.radius.ok_or_else(|| self.missing("radius"))?)
     }
 
     /// Unit direction from `center` to `look_at`.
@@ -230,17 +267,17 @@ impl<'a> LightReader<'a> {
     fn rectangle(&self) -> Result<Shape, ImportError> {
         let center = self.position()?;
         let up = self.spec.up.unwrap_or([0.0, 1.0, 0.0]);
-        self.source.finite(&self.key("up"), up)?;
+        let up = self.source.finite(&self.key("up"), up)?;
         let [a, b] = self.spec.half_extents.ok_or_else(|| self.missing("half_extents"))?;
-        let (a, b) = (self.positive("half_extents", a)?, self.positive("half_extents", b)?);
-        self.planar(center, up.into(), Outline::Rectangle { a, b }, None)
+        let (a, b) = (self.length("half_extents", a)?, self.length("half_extents", b)?);
+        self.planar(center, up, Outline::Rectangle { a, b }, None)
     }
 
     fn spot(&self) -> Result<Shape, ImportError> {
         let center = self.position()?;
         let cone = self.cone()?;
-        if let Some(r) = self.spec.radius.filter(|&r| !(r >= 0.0 && r.is_finite())) {
-            return Err(self.error("radius", format!("must be >= 0, got {r}")));
+        if let Some(r) = self.spec.radius.filter(|r| r.is_nan() || *r < 0.0) {
+            return Err(self.error("radius", format!("must be >= 0, got {}", Number(r))));
         }
         if self.radius_of_spot() == Some(0.0) {
             return Ok(Shape::Point(Point { position: center, cone: Some((self.direction(center)?, cone)) }));
@@ -250,7 +287,7 @@ impl<'a> LightReader<'a> {
     }
 
     /// Radius at size 1 of a spot, metres: that of the scene file's light is 0.
-    fn radius_of_spot(&self) -> Option<f32> {
+    fn radius_of_spot(&self) -> Option<f64> {
         self.spec.radius.or(self.own.map(|_| 0.0))
     }
 
@@ -264,14 +301,16 @@ impl<'a> LightReader<'a> {
         if let (None, None, Some(cone)) = (l.angle, l.softness, own) {
             return Ok(cone);
         }
-        let own_angle = own.map(|c| c.cos_outer.acos());
+        let own_angle = own.map(|c| c.cos_outer.acos().to_degrees());
         let own_softness = own.map(|c| 1.0 - c.cos_inner.acos() / c.cos_outer.acos());
-        let angle = l.angle.or(own_angle.map(f32::to_degrees)).ok_or_else(|| self.missing("angle"))?;
-        if !(angle > 0.0 && angle <= 90.0) {
-            return Err(self.error("angle", format!("must be in (0, 90] degrees, got {angle}")));
+        let angle = l.angle.or(own_angle.map(f64::from)).ok_or_else(|| self.missing("angle"))?;
+        if !(MIN_ANGLE..=90.0).contains(&angle) {
+            let message = format!("must be from {MIN_ANGLE} to 90 degrees, got {}", Number(angle));
+            return Err(self.error("angle", message));
         }
-        let softness = l.softness.or(own_softness).unwrap_or(DEFAULT_SOFTNESS);
-        let cone = cone(angle.to_radians(), self.source.fraction(&self.key("softness"), softness)?);
+        let softness = l.softness.or(own_softness.map(f64::from)).unwrap_or(DEFAULT_SOFTNESS);
+        let softness = self.source.fraction(&self.key("softness"), softness)?;
+        let cone = cone((angle as f32).to_radians(), softness);
         Ok(Cone { edge: own.map_or(cone.edge, |c| c.edge), ..cone })
     }
 
@@ -300,10 +339,7 @@ impl<'a> LightReader<'a> {
     }
 
     fn environment(&self, warnings: &mut Vec<String>) -> Result<Environment, ImportError> {
-        let rotation = self.spec.rotation.unwrap_or(0.0);
-        if !rotation.is_finite() {
-            return Err(self.error("rotation", format!("must be finite, got {rotation}")));
-        }
+        let rotation = self.source.turn(&self.key("rotation"), self.spec.rotation.unwrap_or(0.0))?;
         let map = match self.spec.image.as_deref() {
             None => None,
             Some("") => return Err(self.error("image", "must name a picture")),

@@ -2,13 +2,16 @@
 
 use std::collections::HashSet;
 
+use glam::DVec3;
+
 use super::source::Source;
 use crate::{
+    files::number::{Number, Numbers},
     import::{
         error::ImportError,
         sidecar::{MaterialSpec, Sidecar},
     },
-    math::Rgb,
+    lighting::MAX_RADIANCE,
     scene::material::{Coats, Material, MaterialParams, Model},
 };
 
@@ -58,16 +61,18 @@ impl Source<'_> {
             }
         }
         if let Some(e) = spec.emission {
-            params.emission = Rgb::from_array(e);
-            if !(params.emission.is_finite() && params.emission.min_element() >= 0.0) {
-                return Err(self.error(key("emission"), format!("channels must be >= 0, got {e:?}")));
+            params.emission = DVec3::from_array(e).as_vec3();
+            if !params.emission.to_array().iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) {
+                let message =
+                    format!("channels must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Numbers(&e));
+                return Err(self.error(key("emission"), message));
             }
         }
         if let Some(ior) = spec.ior {
             if !(ior > 1.0 && ior <= 4.0) {
-                return Err(self.error(key("ior"), format!("must be in (1, 4], got {ior}")));
+                return Err(self.error(key("ior"), format!("must be in (1, 4], got {}", Number(ior))));
             }
-            params.ior = ior;
+            params.ior = ior as f32;
         }
         Ok(match spec.model {
             Some(model) => with_model(model, params, spec),
@@ -83,9 +88,9 @@ fn with_model(model: Model, params: MaterialParams, spec: &MaterialSpec) -> Mate
         if model.transmits() { (1.0, None) } else { (params.opacity, params.opacity_map.clone()) };
     MaterialParams {
         model,
-        metallic: spec.metallic.unwrap_or(0.0),
+        metallic: spec.metallic.map_or(0.0, |v| v as f32),
         metallic_map: None,
-        opacity: spec.opacity.unwrap_or(opacity),
+        opacity: spec.opacity.map_or(opacity, |v| v as f32),
         opacity_map,
         ..params
     }

@@ -2,6 +2,7 @@
 
 use super::source::Source;
 use crate::{
+    files::number::Number,
     import::{
         axes::{point_to_metres_y_up, to_metres_y_up},
         backdrop::{self, Sweep},
@@ -9,6 +10,7 @@ use crate::{
         imported::{Imported, Part},
         sidecar::{BackdropSpec, Sidecar},
     },
+    math::Rgb,
     scene::material::MaterialParams,
 };
 
@@ -19,12 +21,13 @@ impl Source<'_> {
         if let (false, Some((key, _))) = (self.is_obj, given.iter().find(|(_, given)| *given)) {
             return Err(self.error(*key, "only for an OBJ: a glTF is in metres, y up"));
         }
-        let scale = self.positive("scale", sidecar.scale.unwrap_or(1.0))?;
+        let scale = sidecar.scale.unwrap_or(1.0);
+        self.positive("scale", scale)?;
         let up = sidecar.up_axis.unwrap_or_default();
         let n_lost = to_metres_y_up(&mut imported.mesh, scale, up);
         imported.origin = point_to_metres_y_up(imported.origin, scale, up);
         if imported.mesh.indices.is_empty() {
-            let message = format!("no triangle is left of those that are {scale} as large");
+            let message = format!("no triangle is left of those that are {} as large", Number(scale));
             return Err(self.error("scale", message));
         }
         if n_lost > 0 {
@@ -39,7 +42,10 @@ impl Source<'_> {
     /// name among `backdrop`, `backdrop_` and so on.
     pub fn add_backdrop(&self, spec: &BackdropSpec, imported: &mut Imported) -> Result<(), ImportError> {
         let sweep = self.sweep(spec)?;
-        let base_color = self.albedo("backdrop.base_color", spec.base_color)?;
+        let base_color = match spec.base_color {
+            Some(color) => self.albedo("backdrop.base_color", color)?,
+            None => Rgb::from_array(backdrop::BASE_COLOR),
+        };
         let is_used = |name: &str| imported.materials.iter().any(|(n, _)| n == name);
         let mut name = backdrop::NAME.to_owned();
         while is_used(&name) {
@@ -55,26 +61,24 @@ impl Source<'_> {
 
     fn sweep(&self, spec: &BackdropSpec) -> Result<Sweep, ImportError> {
         let position = self.point("backdrop.position", spec.position)?;
-        if !spec.turn.is_finite() {
-            return Err(self.error("backdrop.turn", format!("must be finite, got {}", spec.turn)));
-        }
+        let turn = self.turn("backdrop.turn", spec.turn)?;
         let [front, back, width, height] = [
             ("backdrop.front", spec.front),
             ("backdrop.back", spec.back),
             ("backdrop.width", spec.width),
             ("backdrop.height", spec.height),
         ]
-        .map(|(key, value)| {
-            self.finite(key, [value; 3])?;
-            self.positive(key, value)
-        });
+        .map(|(key, value)| self.length(key, value));
         let (front, back, width, height) = (front?, back?, width?, height?);
         let largest = back.min(height);
-        let radius = spec.radius.unwrap_or(0.5 * largest);
-        if !(radius > 0.0 && radius <= largest) {
-            let message = format!("must be > 0 and at most `back` and `height`, got {radius}");
-            return Err(self.error("backdrop.radius", message));
-        }
-        Ok(Sweep { position, turn: spec.turn.to_radians(), front, back, width, height, radius })
+        let radius = match spec.radius {
+            None => 0.5 * largest,
+            Some(radius) if radius as f32 > largest => {
+                let message = format!("must be > 0 and at most `back` and `height`, got {}", Number(radius));
+                return Err(self.error("backdrop.radius", message));
+            }
+            Some(radius) => self.length("backdrop.radius", radius)?,
+        };
+        Ok(Sweep { position, turn: turn.to_radians(), front, back, width, height, radius })
     }
 }

@@ -6,13 +6,27 @@ use glam::{DVec3, Vec3};
 
 use crate::{
     embree::{EmbreeError, MAX_COORDINATE},
-    files::{nearest, reach::Reach},
+    files::{
+        nearest,
+        number::{Number, Numbers},
+        reach::Reach,
+    },
     import::{error::ImportError, find::ending},
+    lighting::MAX_RADIANCE,
     math::Rgb,
 };
 
 /// Names listed in a message, at most: about a line of a terminal.
 const MAX_LISTED: usize = 12;
+/// Largest length, metres: that of a coordinate.
+pub const MAX_LENGTH: f32 = MAX_COORDINATE;
+/// Least length, metres: an area and its inverse leave the range of f32 below it.
+pub const MIN_LENGTH: f32 = 1.0 / MAX_LENGTH;
+
+/// Whether a length, metres, is in the range that can be computed with.
+pub fn is_length(value: f64) -> bool {
+    (f64::from(MIN_LENGTH)..=f64::from(MAX_LENGTH)).contains(&value)
+}
 
 /// A scene file and its sidecar.
 #[derive(Clone)]
@@ -72,54 +86,83 @@ impl<'a> Source<'a> {
         self.error(key, message)
     }
 
-    /// `value`, if it is finite and positive.
-    pub fn positive(&self, key: &str, value: f32) -> Result<f32, ImportError> {
-        if value.is_finite() && value > 0.0 {
-            return Ok(value);
+    /// `value`, if it is positive and an `f32` can hold it.
+    pub fn positive(&self, key: &str, value: f64) -> Result<f32, ImportError> {
+        let rounded = value as f32;
+        if rounded.is_normal() && rounded > 0.0 {
+            return Ok(rounded);
         }
-        Err(self.error(key, format!("must be > 0, got {value}")))
+        let got = Number(value);
+        Err(self.error(
+            key,
+            match value > 0.0 {
+                true => format!("must be from {:e} to {:e}, got {got}", f32::MIN_POSITIVE, f32::MAX),
+                false => format!("must be > 0, got {got}"),
+            },
+        ))
+    }
+
+    /// A length in metres, if it is positive and of a magnitude that Embree accepts.
+    pub fn length(&self, key: &str, value: f64) -> Result<f32, ImportError> {
+        if value > 0.0 && !is_length(value) {
+            let message = format!("must be from {MIN_LENGTH:e} to {MAX_LENGTH:e}, got {}", Number(value));
+            return Err(self.error(key, message));
+        }
+        self.positive(key, value)
     }
 
     /// `value`, if it is in [0, 1].
-    pub fn fraction(&self, key: &str, value: f32) -> Result<f32, ImportError> {
+    pub fn fraction(&self, key: &str, value: f64) -> Result<f32, ImportError> {
         if (0.0..=1.0).contains(&value) {
-            return Ok(value);
+            return Ok(value as f32);
         }
-        Err(self.error(key, format!("must be in [0, 1], got {value}")))
+        Err(self.error(key, format!("must be in [0, 1], got {}", Number(value))))
     }
 
     /// The colour of an albedo, if its channels are in [0, 1].
-    pub fn albedo(&self, key: &str, value: [f32; 3]) -> Result<Rgb, ImportError> {
-        let color = Rgb::from_array(value);
-        if color.min_element() >= 0.0 && color.max_element() <= 1.0 {
-            return Ok(color);
+    pub fn albedo(&self, key: &str, value: [f64; 3]) -> Result<Rgb, ImportError> {
+        if value.iter().all(|v| (0.0..=1.0).contains(v)) {
+            return Ok(DVec3::from_array(value).as_vec3());
         }
-        Err(self.error(key, format!("channels must be in [0, 1], got {value:?}")))
+        Err(self.error(key, format!("channels must be in [0, 1], got {}", Numbers(&value))))
+    }
+
+    /// A radiance, if it is not negative and no larger than any light may be.
+    pub fn radiance(&self, key: &str, value: f64) -> Result<f32, ImportError> {
+        let rounded = value as f32;
+        if (0.0..=MAX_RADIANCE).contains(&rounded) {
+            return Ok(rounded);
+        }
+        let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Number(value));
+        Err(self.error(key, message))
+    }
+
+    /// An angle of any number of turns, degrees.
+    pub fn turn(&self, key: &str, value: f64) -> Result<f32, ImportError> {
+        if value.is_finite() {
+            return Ok((value % 360.0) as f32);
+        }
+        Err(self.error(key, format!("must be finite, got {}", Number(value))))
     }
 
     /// The point of the scene that the sidecar gives in the scene file's coordinates; each must be finite and
     /// of a magnitude that Embree accepts.
     pub fn point(&self, key: &str, value: [f64; 3]) -> Result<Vec3, ImportError> {
-        if !value.iter().all(|v| v.is_finite()) {
-            return Err(self.error(key, format!("must be finite, got {value:?}")));
-        }
-        let p = (DVec3::from_array(value) - self.origin).as_vec3();
-        if value.iter().any(|v| v.abs() > f64::from(MAX_COORDINATE)) {
-            let message = format!("must be at most {MAX_COORDINATE:e} in magnitude, got {value:?}");
-            return Err(self.error(key, message));
-        }
-        Ok(p)
+        self.finite(key, value)?;
+        Ok((DVec3::from_array(value) - self.origin).as_vec3())
     }
 
-    /// Checks that coordinates are finite and of a magnitude that Embree accepts.
-    pub fn finite(&self, key: &str, value: [f32; 3]) -> Result<(), ImportError> {
+    /// A vector whose components are finite and of a magnitude that Embree accepts.
+    pub fn finite(&self, key: &str, value: [f64; 3]) -> Result<Vec3, ImportError> {
         if !value.iter().all(|v| v.is_finite()) {
-            return Err(self.error(key, format!("must be finite, got {value:?}")));
+            return Err(self.error(key, format!("must be finite, got {}", Numbers(&value))));
         }
-        if value.iter().any(|v| v.abs() > MAX_COORDINATE) {
-            let message = format!("must be at most {MAX_COORDINATE:e} in magnitude, got {value:?}");
-            return Err(self.error(key, message));
+        if value.iter().any(|v| v.abs() > f64::from(MAX_COORDINATE)) {
+            let got = Numbers(&value);
+            return Err(
+                self.error(key, format!("must be at most {MAX_COORDINATE:e} in magnitude, got {got}"))
+            );
         }
-        Ok(())
+        Ok(DVec3::from_array(value).as_vec3())
     }
 }

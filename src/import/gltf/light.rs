@@ -14,6 +14,7 @@ use crate::{
     import::{
         error::ImportError,
         imported::{ImportedLight, Punctual, UniqueNames, printable_name},
+        range,
         warnings::Warnings,
     },
     light::{Cone, Edge},
@@ -45,7 +46,8 @@ pub fn read(
     let given = json.name.as_ref().or(node.name.as_ref());
     let name = given.map_or_else(String::new, |n| printable_name(n.trim()));
     let name = if name.is_empty() { format!("light_{}", index.value()) } else { name };
-    let Some(kind) = punctual(json, file.is_of_blender()) else {
+    let warn = |message| warnings.about("light", &name, message);
+    let Some(kind) = punctual(json, file.is_of_blender(), warn) else {
         let key = format!("extensions.KHR_lights_punctual.lights[{}].type", index.value());
         return Err(file.error(key, "must be point, spot or directional"));
     };
@@ -66,14 +68,15 @@ pub fn read(
 }
 
 /// The light's angular distribution; `None` for a type that the extension does not have.
-fn punctual(json: &Light, is_blender: bool) -> Option<Punctual> {
+fn punctual(json: &Light, is_blender: bool, mut warn: impl FnMut(String)) -> Option<Punctual> {
     match &json.type_ {
         Checked::Valid(Type::Point) => Some(Punctual::Point),
         Checked::Valid(Type::Directional) => Some(Punctual::Directional),
         Checked::Valid(Type::Spot) => {
             let spot = json.spot.clone().unwrap_or_default();
-            let outer = spot.outer_cone_angle.clamp(MIN_CONE_ANGLE, FRAC_PI_2);
-            let inner = spot.inner_cone_angle.clamp(0.0, outer);
+            let range = [MIN_CONE_ANGLE, FRAC_PI_2];
+            let outer = range::clamped("outerConeAngle", spot.outer_cone_angle, range, &mut warn);
+            let inner = range::clamped("innerConeAngle", spot.inner_cone_angle, [0.0, outer], &mut warn);
             Some(Punctual::Spot(if is_blender { blender_cone(inner, outer) } else { cone(inner, outer) }))
         }
         Checked::Invalid => None,

@@ -11,12 +11,14 @@ use gltf_json::{
     validation::Checked,
 };
 
+use serde_json::Value;
+
 use super::{
     file::File,
     texture::{MaterialContext, TextureRef, Textures, UvMapping},
 };
 use crate::{
-    import::{error::ImportError, imported::UniqueNames, sheets, warnings::Warnings},
+    import::{error::ImportError, imported::UniqueNames, range::UNIT, sheets, warnings::Warnings},
     math::Rgb,
     scene::{
         Mesh,
@@ -32,9 +34,14 @@ const NO_NAME: &str = "(none)";
 const GLASS: f32 = 0.5;
 /// Opacity of `MASK` that counts as opaque by default; glTF 2.0 section 5.19.
 const DEFAULT_CUTOFF: f32 = 0.5;
-/// Index of refraction of a coat or glass, least and largest. At 1 it would neither reflect nor bend;
-/// 4 is germanium, and what the sidecar allows.
-const IORS: (f32, f32) = (1.001, 4.0);
+/// Least index of refraction of a coat or glass: at 1 it would neither reflect nor bend.
+const MIN_IOR: f32 = 1.001;
+/// Largest index of refraction of a coat or glass: germanium's, and what the sidecar allows.
+const MAX_IOR: f32 = 4.0;
+/// Range of a factor that the format bounds below only.
+const NOT_NEGATIVE: [f32; 2] = [0.0, f32::INFINITY];
+/// Extension that makes glass solid.
+const VOLUME: &str = "KHR_materials_volume";
 /// Base colour below which glass is warned to lose its colour: clear glass is exported as 1 or a
 /// little less.
 const CLEAR: f32 = 0.9;
@@ -102,7 +109,7 @@ impl<'a> Materials<'a> {
         self.list.push((name, params));
         self.uv_mappings.push(mapping);
         let json = material.and_then(|m| self.file.root.materials.get(m.value()));
-        self.may_be_thin.push(json.is_some_and(|m| volume_of(m).is_none()));
+        self.may_be_thin.push(json.is_some_and(|m| thickness_of(m).is_none()));
         self.ids.insert(index, id);
         Ok(id)
     }
@@ -127,9 +134,8 @@ impl<'a> Materials<'a> {
 
     fn params(&mut self, m: &Material, context: &mut MaterialContext) -> Result<MaterialParams, ImportError> {
         let extensions = m.extensions.as_ref();
-        for extension in extensions.iter().flat_map(|e| e.others.keys()) {
-            context.warn(format_args!("its {extension} is ignored"));
-        }
+        let ignored = extensions.iter().flat_map(|e| e.others.keys()).filter(|name| *name != VOLUME);
+        ignored.for_each(|extension| context.warn(format_args!("its {extension} is ignored")));
         let mut out = self.metallic_roughness(&m.pbr_metallic_roughness, context)?;
         if self.is_dropped(m, context.index) {
             out = MaterialParams::default();
@@ -178,10 +184,10 @@ impl<'a> Materials<'a> {
         let [r, g, b, alpha] = pbr.base_color_factor.0;
         let mut out = MaterialParams {
             model: Model::Plastic,
-            base_color: Rgb::new(r, g, b).clamp(Rgb::ZERO, Rgb::ONE),
-            roughness: pbr.roughness_factor.0.clamp(0.0, 1.0),
-            metallic: pbr.metallic_factor.0.clamp(0.0, 1.0),
-            opacity: alpha.clamp(0.0, 1.0),
+            base_color: context.color("baseColorFactor", [r, g, b], UNIT),
+            roughness: context.number("roughnessFactor", pbr.roughness_factor.0, UNIT),
+            metallic: context.number("metallicFactor", pbr.metallic_factor.0, UNIT),
+            opacity: context.number("alpha of baseColorFactor", alpha, UNIT),
             ..MaterialParams::default()
         };
         if let Some(info) = &pbr.base_color_texture {
@@ -205,16 +211,22 @@ impl<'a> Materials<'a> {
         out: &mut MaterialParams,
         context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
-        if let Some(ior) = &extensions.ior {
-            // 0 stands for infinity, to look like specular-glossiness.
-            let ior = if ior.ior.0 == 0.0 { IORS.1 } else { ior.ior.0 };
-            out.ior = ior.clamp(IORS.0, IORS.1);
+        match extensions.ior.as_ref().map(|ior| ior.ior.0) {
+            None => {}
+            Some(0.0) => {
+                out.ior = MAX_IOR;
+                context.warn(format_args!("its ior 0, which reflects everything, is taken as {MAX_IOR}"));
+            }
+            Some(ior) => out.ior = context.number("ior", ior, [1.0, MAX_IOR]).max(MIN_IOR),
         }
         if let Some(specular) = &extensions.specular {
             self.specular(specular, out, context)?;
         }
         if let Some(transmission) = &extensions.transmission {
             self.transmit(transmission, out, context);
+        }
+        if extensions.others.contains_key(VOLUME) && !out.model.transmits() {
+            context.warn(format_args!("its {VOLUME} is ignored: it is not glass"));
         }
         if extensions.unlit.is_some() {
             out.model = Model::Diffuse;
@@ -226,11 +238,17 @@ impl<'a> Materials<'a> {
     /// `KHR_materials_transmission`: clear glass from [`GLASS`] on. Without a volume it is thin by the format;
     /// Blender writes none, and renders what is closed as a body.
     fn transmit(&self, transmission: &Transmission, out: &mut MaterialParams, context: &mut MaterialContext) {
-        let share = transmission.transmission_factor.0;
+        let share = context.number("transmissionFactor", transmission.transmission_factor.0, UNIT);
         if share >= GLASS {
-            let has_volume = self.file.root.materials.get(context.index).and_then(volume_of).is_some();
+            let material = self.file.root.materials.get(context.index);
+            let has_volume = material.and_then(thickness_of).is_some();
             let is_body = has_volume || self.file.is_of_blender();
             out.model = if is_body { Model::Dielectric } else { Model::Thin };
+            if has_volume && material.is_some_and(attenuates) {
+                context.warn(format_args!(
+                    "the attenuation of its {VOLUME} is ignored; it is solid and refracts"
+                ));
+            }
             if share < 1.0 || transmission.transmission_texture.is_some() {
                 context.warn("is wholly glass, its transmission only partly");
             }
@@ -246,7 +264,7 @@ impl<'a> Materials<'a> {
         out: &mut MaterialParams,
         context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
-        out.specular = specular.specular_factor.0.clamp(0.0, 1.0);
+        out.specular = context.number("specularFactor", specular.specular_factor.0, UNIT);
         if let Some(info) = &specular.specular_texture {
             let reference = TextureRef::new("extensions.KHR_materials_specular.specularTexture", info);
             let texture = self.textures.get(&reference, Encoding::Linear, context)?;
@@ -265,8 +283,9 @@ impl<'a> Materials<'a> {
         context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
         let strength = m.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref());
-        let strength = strength.map_or(1.0, |s| s.emissive_strength.0);
-        out.emission = Rgb::from_array(m.emissive_factor.0).max(Rgb::ZERO) * strength.max(0.0);
+        let strength =
+            strength.map_or(1.0, |s| context.number("emissiveStrength", s.emissive_strength.0, NOT_NEGATIVE));
+        out.emission = context.color("emissiveFactor", m.emissive_factor.0, NOT_NEGATIVE) * strength;
         if !out.emission.is_finite() {
             let key = format!("materials[{}].emissiveFactor", context.index);
             return Err(self.file.error(key, "must be finite"));
@@ -288,14 +307,17 @@ impl<'a> Materials<'a> {
         &self,
         m: &Material,
         out: &mut MaterialParams,
-        context: &MaterialContext,
+        context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
         out.opacity_cutoff = match m.alpha_mode {
             Checked::Valid(AlphaMode::Opaque) => {
                 out.opacity = 1.0;
                 return Ok(());
             }
-            Checked::Valid(AlphaMode::Mask) => Some(m.alpha_cutoff.map_or(DEFAULT_CUTOFF, |c| c.0)),
+            Checked::Valid(AlphaMode::Mask) => {
+                let cutoff = m.alpha_cutoff.map_or(DEFAULT_CUTOFF, |c| c.0);
+                Some(context.number("alphaCutoff", cutoff, NOT_NEGATIVE))
+            }
             Checked::Valid(AlphaMode::Blend) => None,
             Checked::Invalid => {
                 let key = format!("materials[{}].alphaMode", context.index);
@@ -315,10 +337,10 @@ impl<'a> Materials<'a> {
         context: &mut MaterialContext,
     ) -> Result<(), ImportError> {
         let [r, g, b, alpha] = old.diffuse_factor.0;
-        let f0 = Rgb::from_array(old.specular_factor.0).clamp(Rgb::ZERO, Rgb::ONE);
-        out.base_color = Rgb::new(r, g, b).clamp(Rgb::ZERO, Rgb::ONE);
-        out.opacity = alpha.clamp(0.0, 1.0);
-        out.roughness = 1.0 - old.glossiness_factor.0.clamp(0.0, 1.0);
+        let f0 = context.color("specularFactor", old.specular_factor.0, UNIT);
+        out.base_color = context.color("diffuseFactor", [r, g, b], UNIT);
+        out.opacity = context.number("alpha of diffuseFactor", alpha, UNIT);
+        out.roughness = 1.0 - context.number("glossinessFactor", old.glossiness_factor.0, UNIT);
         (out.metallic, out.roughness_map, out.metallic_map) = (0.0, None, None);
         out.texture = match &old.diffuse_texture {
             None => None,
@@ -336,15 +358,27 @@ impl<'a> Materials<'a> {
         } else {
             // Fresnel at normal incidence: F0 = ((n - 1)/(n + 1))².
             let root = f0.max_element().sqrt();
-            out.ior = ((1.0 + root) / (1.0 - root)).clamp(IORS.0, IORS.1);
+            out.ior = ((1.0 + root) / (1.0 - root)).clamp(MIN_IOR, MAX_IOR);
         }
         context.warn(format_args!("specular-glossiness is read roughly{missing}"));
         Ok(())
     }
 }
 
-/// Thickness of the volume below a surface, `KHR_materials_volume`, in metres; `None` for a thin sheet.
-fn volume_of(m: &Material) -> Option<f64> {
-    let volume = m.extensions.as_ref()?.others.get("KHR_materials_volume")?;
-    volume["thicknessFactor"].as_f64().filter(|&t| t > 0.0)
+/// What a material says of the volume below its surface.
+fn volume_of(m: &Material) -> Option<&Value> {
+    m.extensions.as_ref()?.others.get(VOLUME)
+}
+
+/// Thickness of the volume below a surface, metres; `None` for a thin sheet.
+fn thickness_of(m: &Material) -> Option<f64> {
+    volume_of(m)?["thicknessFactor"].as_f64().filter(|&t| t > 0.0)
+}
+
+/// Whether the volume of a material takes light away: it has a colour, and a distance at which light has it.
+fn attenuates(m: &Material) -> bool {
+    let volume = volume_of(m);
+    let color = volume.and_then(|v| v["attenuationColor"].as_array());
+    let is_colored = color.is_some_and(|color| color.iter().any(|c| c.as_f64() != Some(1.0)));
+    is_colored && volume.is_some_and(|v| v["attenuationDistance"].is_number())
 }

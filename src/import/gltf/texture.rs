@@ -14,7 +14,8 @@ use gltf_json::{
 use super::file::File;
 use crate::{
     files::reach::MAX_PICTURE_BYTES,
-    import::{error::ImportError, warnings::Warnings},
+    import::{error::ImportError, range, warnings::Warnings},
+    math::Rgb,
     scene::texture::{Encoding, Texture, TextureLoader, Wrap},
 };
 
@@ -59,6 +60,16 @@ impl<'w> MaterialContext<'w> {
     /// Adds a warning that names the material.
     pub fn warn(&mut self, message: impl std::fmt::Display) {
         self.warnings.about("material", &self.name, message.to_string());
+    }
+
+    /// The number at `key` of the material in its range; what is not in it is said.
+    pub fn number(&mut self, key: &str, value: f32, range: [f32; 2]) -> f32 {
+        range::clamped(key, value, range, |message| self.warn(message))
+    }
+
+    /// The colour at `key` of the material in its range; what is not in it is said.
+    pub fn color(&mut self, key: &str, color: [f32; 3], range: [f32; 2]) -> Rgb {
+        range::clamped_color(key, color, range, |message| self.warn(message))
     }
 }
 

@@ -143,7 +143,7 @@ pub fn stage(
     };
     let size = bounds(&mesh, &subject.is_main).extent();
     let (unit, scale) = if is_obj { unit(size.max_element()) } else { ("metres", 1.0) };
-    mesh.positions.iter_mut().for_each(|p| *p *= scale);
+    mesh.positions.iter_mut().for_each(|p| *p *= scale as f32);
     let main_object = match options.main_object.is_empty() {
         true => selection(&mesh, &subject.is_main, imported),
         false => MainObject::Named(options.main_object.clone()),
@@ -158,7 +158,7 @@ pub fn stage(
 
 fn plan<'a>(
     file: &'a str,
-    scale: Option<f32>,
+    scale: Option<f64>,
     mesh: &Mesh,
     subject: &Subject,
     main_object: MainObject,
@@ -199,7 +199,7 @@ pub(super) fn bounds(mesh: &Mesh, is_main: &[bool]) -> Bounds {
 }
 
 /// The likely unit of a file whose main object has this largest extent: name, and length in metres.
-fn unit(extent: f32) -> (&'static str, f32) {
+fn unit(extent: f32) -> (&'static str, f64) {
     match extent {
         e if e <= MAX_METRES => ("metres", 1.0),
         e if e <= MAX_CENTIMETRES => ("centimetres", 0.01),

@@ -14,7 +14,7 @@ pub struct Plan<'a> {
     /// Name of the scene file.
     pub file: &'a str,
     /// Metres per unit of an OBJ; `None` for a glTF, which is in metres.
-    pub scale: Option<f32>,
+    pub scale: Option<f64>,
     /// Axis of the file that points up.
     pub up_axis: UpAxis,
     /// Place of the plan's origin in the file's coordinates.
