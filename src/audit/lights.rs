@@ -133,7 +133,9 @@ impl LightsFile {
             let Some(given) = l.size else { continue };
             let (size, fixed) = (given as f32, scene.lights[i].size);
             let key = format!("lights.{}.size", l.name);
-            require(size.is_normal() && size > 0.0, key.clone(), &positive(), given)?;
+            require(given > 0.0, key.clone(), "> 0", given)?;
+            let range = format!("from {:e} to {:e}", f32::MIN_POSITIVE, f32::MAX);
+            require(size.is_normal(), key.clone(), &range, given)?;
             if scene.lights[i].occludes && size != fixed {
                 let message = format!("must be {fixed}, since the light occludes, got {}", Number(given));
                 return Err(fail(key, message));
@@ -233,9 +235,4 @@ fn exposure(given: f64) -> Result<f64, String> {
         return Ok(f64::from(exposure));
     }
     Err(format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {}", Number(given)))
-}
-
-/// What is allowed of a number that is positive.
-fn positive() -> String {
-    format!("> 0, from {:e} to {:e}", f32::MIN_POSITIVE, f32::MAX)
 }

@@ -59,7 +59,7 @@ fn explain(message: &str) -> String {
     let message = message
         .trim()
         .replace('\n', "; ")
-        .replace("expected f32", "expected a number")
+        .replace("expected f64", "expected a number")
         .replace("expected u32", "expected a whole number")
         .replace("wanted string or table", "expected a string");
     let mut names = message.split('`').skip(1).step_by(2);

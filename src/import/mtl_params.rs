@@ -144,6 +144,11 @@ impl Reader {
         }
         let opacity_map = self.opacity_map(m)?;
         let opacity = match (is_known(m, m.d), m.tr) {
+            // Not invisible: programs write it for what they do not know.
+            (Some(-1.0), _) => {
+                self.warn(m, "`d` -1 is not in [0, 1]: 1 is taken");
+                1.0
+            }
             (Some(d), _) => self.number(m, "d", d, UNIT),
             (None, Some(tr)) => 1.0 - self.number(m, "Tr", tr, UNIT),
             (None, None) => 1.0,

@@ -99,10 +99,12 @@ fn mutated_files_are_refused_in_time_and_memory() {
     read_mutations(300);
 }
 
+/// Reads as many mutations of each format as the environment variable `MUTATIONS` says.
 #[test]
 #[ignore = "takes minutes"]
 fn many_mutated_files_are_refused_in_time_and_memory() {
-    read_mutations(10_000);
+    let asked = std::env::var("MUTATIONS").ok().map(|n| n.parse().expect("MUTATIONS is a number"));
+    read_mutations(asked.unwrap_or(10_000));
 }
 
 #[test]

@@ -398,7 +398,7 @@ fn numbers_of_an_mtl_outside_their_range_are_cut_and_said() {
     };
     let coat = "Ks 1 1 1\n";
     let glass = "illum 7\n";
-    let cases: [(&str, &str, &str, Taken); 25] = [
+    let cases: [(&str, &str, &str, Taken); 26] = [
         ("", "illum -1", "`illum` -1 is not a whole number from 0 to 10: 2 is taken", |p| {
             p.model == Model::Diffuse
         }),
@@ -417,7 +417,8 @@ fn numbers_of_an_mtl_outside_their_range_are_cut_and_said() {
             (0.03..0.04).contains(&p.roughness)
         }),
         ("", "d 2", "`d` 2 is not in [0, 1]: 1 is taken", |p| p.opacity == 1.0),
-        ("", "d -1", "`d` -1 is not in [0, 1]: 0 is taken", |p| p.opacity == 0.0),
+        ("", "d -1", "`d` -1 is not in [0, 1]: 1 is taken", |p| p.opacity == 1.0),
+        ("", "d -0.5", "`d` -0.5 is not in [0, 1]: 0 is taken", |p| p.opacity == 0.0),
         ("", "Tr 3", "`Tr` 3 is not in [0, 1]: 1 is taken", |p| p.opacity == 0.0),
         ("", "Tr -1", "`Tr` -1 is not in [0, 1]: 0 is taken", |p| p.opacity == 1.0),
         ("", "Ke -1 0 2", "`Ke` [-1, 0, 2] is not at least 0: [0, 0, 2] is taken", |p| {
@@ -478,7 +479,8 @@ fn numbers_of_an_mtl_outside_their_range_are_cut_and_said() {
         ("Ns 2000", 1),
         ("Ns -1\nPr -1\nPm -1\nKs -1 -1 -1\nNi -1\nd -1\nTf -1 -1 -1\nillum -1", 0),
         ("Pr -0.5", 1),
-        ("Pr 2\nPm 2\nKs 2 2 2\nNi 5\nd 2\nTf 0 0 0\nillum 2.5\nKe -1 0 0\nKd 2 0 0", 8),
+        ("Pr 2\nPm 0\nKs 2 2 2\nNi 5\nd 2\nTf 0 0 0\nillum 2.5\nKe -1 0 0\nKd 2 0 0", 7),
+        ("Pm 2\nNi 5", 1),
         ("Tf 2 2 2", 1),
     ] {
         let (_, warnings) = of(&format!("# Blender 4.2.0 MTL File: 'None'\nnewmtl m\n{line}\n"));
@@ -584,7 +586,7 @@ fn maps_and_numbers_of_an_mtl_reach_the_material() {
         of("map_Ke g.png\n").emission == Vec3::ONE && of("Ke 0 0 0\nmap_Ke g.png\n").emission == Vec3::ONE
     );
     assert_eq!((of("d 0.3\n").opacity, of("Tr 0.75\n").opacity), (0.3, 0.25));
-    assert_eq!((of("Tr 0.5\nd 1\n").opacity, of("d -1\n").opacity), (1.0, 1.0));
+    assert_eq!(of("Tr 0.5\nd 1\n").opacity, 1.0);
     let p = of("illum 7\nd 0.3\nmap_d g.png\n");
     assert!(p.model == Model::Thin && p.opacity == 1.0 && p.opacity_map.is_none());
     let p = of("map_Kd -s 2 4 -o 0.25 g.png\n");

@@ -12,7 +12,7 @@ use crate::{
     import::{
         error::ImportError,
         imported::{ImportedLight, MAX_LIGHT_NAME, printable_name},
-        sidecar::{LightSpec, MaterialSpec, Sidecar},
+        sidecar::{LightSpec, Sidecar},
     },
     light::{Light, Shape},
     lighting::MAX_RADIANCE,
@@ -74,14 +74,7 @@ impl Source<'_> {
                 camera_visible: true,
                 occludes: false,
             };
-            let material = &materials[m].name;
-            let is_given = |spec: &MaterialSpec| spec.emission.is_some();
-            if sidecar.materials.get(material).is_some_and(is_given) {
-                let key = format!("materials.{material}.emission");
-                check_radiance(&light, |message| self.error(key, message))?;
-            } else {
-                self.check_radiance(&light)?;
-            }
+            self.check_radiance(&light)?;
             lights.push((light, from_file()));
         }
         Ok(lights)
@@ -89,8 +82,12 @@ impl Source<'_> {
 
     /// Checks the radiance of a light of the scene file, or of one of its materials.
     fn check_radiance(&self, light: &Light) -> Result<(), ImportError> {
-        let path = self.scene_path.to_path_buf();
-        check_radiance(light, |message| ImportError::Key { path, key: light.name.clone(), message })
+        if (0.0..=MAX_RADIANCE).contains(&light.radiance) {
+            return Ok(());
+        }
+        let got = Number(light.radiance);
+        let message = format!("its radiance must be >= 0 and at most {MAX_RADIANCE:e}, got {got}");
+        Err(ImportError::Key { path: self.scene_path.to_path_buf(), key: light.name.clone(), message })
     }
 
     /// Names of the sidecar's lights, which become those of EXR parts and must be unique.
@@ -133,15 +130,6 @@ impl Source<'_> {
         let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
         Ok(LightConstraints { free, size_range, radiance_max, is_from_file: false })
     }
-}
-
-/// Checks the radiance of a light; `fail` makes the error.
-fn check_radiance(light: &Light, fail: impl FnOnce(String) -> ImportError) -> Result<(), ImportError> {
-    if (0.0..=MAX_RADIANCE).contains(&light.radiance) {
-        return Ok(());
-    }
-    let got = Number(light.radiance);
-    Err(fail(format!("its radiance must be >= 0 and at most {MAX_RADIANCE:e}, got {got}")))
 }
 
 /// A name for the light of a material: printable, and different from the names in use, to which it is

@@ -168,7 +168,7 @@ impl<'a> LightReader<'a> {
         if !is_length(length) {
             let message = format!(
                 "must give a length from {MIN_LENGTH:e} to {MAX_LENGTH:e} m, gives {}",
-                Number(length)
+                Number(length as f32)
             );
             return Err(self.error("size", message));
         }

@@ -20,12 +20,12 @@ use crate::{
 const MAX_LISTED: usize = 12;
 /// Largest length, metres: that of a coordinate.
 pub const MAX_LENGTH: f32 = MAX_COORDINATE;
-/// Least length, metres: an area and its inverse leave the range of f32 below it.
-pub const MIN_LENGTH: f32 = 1.0 / MAX_LENGTH;
+/// Least length, metres: below it an area and its inverse leave the range of f32.
+pub const MIN_LENGTH: f32 = 1e-18;
 
 /// Whether a length, metres, is in the range that can be computed with.
 pub fn is_length(value: f64) -> bool {
-    (f64::from(MIN_LENGTH)..=f64::from(MAX_LENGTH)).contains(&value)
+    (MIN_LENGTH..=MAX_LENGTH).contains(&(value as f32))
 }
 
 /// A scene file and its sidecar.
@@ -157,7 +157,7 @@ impl<'a> Source<'a> {
         if !value.iter().all(|v| v.is_finite()) {
             return Err(self.error(key, format!("must be finite, got {}", Numbers(&value))));
         }
-        if value.iter().any(|v| v.abs() > f64::from(MAX_COORDINATE)) {
+        if value.iter().any(|v| v.abs() as f32 > MAX_COORDINATE) {
             let got = Numbers(&value);
             return Err(
                 self.error(key, format!("must be at most {MAX_COORDINATE:e} in magnitude, got {got}"))
