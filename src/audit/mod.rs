@@ -227,12 +227,15 @@ fn is_ours(name: &str) -> bool {
     NAMES.contains(&name) || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
 }
 
+/// Appends a line to a log, whole or not at all.
 fn append(file: &mut File, path: &Path, line: &Value) -> Result<(), AuditError> {
-    // One write: a line is there whole or not at all.
-    file.write_all(format!("{line}\n").as_bytes()).map_err(|source| AuditError::Io {
-        path: path.into(),
-        action: "append to the log",
-        source,
+    let fail = |source| AuditError::Io { path: path.into(), action: "append to the log", source };
+    let length = file.metadata().map_err(fail)?.len();
+    // One write, which a kill does not halve; a disk that fills up does.
+    file.write_all(format!("{line}\n").as_bytes()).map_err(|source| {
+        // The first error is the one to report.
+        let _ = file.set_len(length);
+        fail(source)
     })
 }
 

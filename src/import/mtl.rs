@@ -259,7 +259,10 @@ fn color(rest: &str) -> Result<[f32; 3], String> {
 }
 
 fn finite(values: &[f32]) -> Result<(), String> {
-    if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err("must be finite".into()) }
+    if values.iter().all(|v| v.is_finite()) {
+        return Ok(());
+    }
+    Err(format!("must be finite, at most {:e} in magnitude", f32::MAX))
 }
 
 /// The parameter that a keyword, in lower case, gives an image to.

@@ -190,6 +190,27 @@ fn a_file_that_may_not_grow_is_an_error() {
 }
 
 #[test]
+fn a_log_that_may_not_grow_ends_with_a_whole_line() {
+    let room = Room::new();
+    let program = assert_cmd::cargo::cargo_bin("lightopt-embree");
+    // More than any picture takes, and less than the log.
+    let script = "ulimit -f 41; exec \"$0\" run room.obj --out a --gradient fd --max-evaluations 60 \
+                  --tolerance 0.5 --work-size 16x12 --size 24x18 --spp 4 --final-spp 4";
+    let mut command = Command::new("sh");
+    command.current_dir(room.directory.path()).args(["-c", script]).arg(program);
+    let out = command.output().unwrap();
+    let error = String::from_utf8(out.stderr).unwrap();
+    assert_eq!(out.status.code(), Some(1), "{error}");
+    let last = error.lines().last().unwrap();
+    assert!(last.starts_with("error: a/evaluations.jsonl: cannot append to the log: "), "{error}");
+    let log = fs::read_to_string(room.path("a/evaluations.jsonl")).unwrap();
+    assert!(log.ends_with('\n') && log.len() > 10_000, "{}", log.len());
+    for line in log.lines() {
+        serde_json::from_str::<serde_json::Value>(line).unwrap();
+    }
+}
+
+#[test]
 fn what_a_killed_render_left_is_removed_by_the_next() {
     let room = Room::new();
     // Process numbers end at 2^22.

@@ -499,6 +499,7 @@ fn only_a_spot_may_be_a_point_and_then_has_no_size() {
     check_lights("spot", &cases.each_ref().map(|(keys, wanted)| (keys.as_str(), *wanted)));
     check_lights("sphere", &[("position = [0, 1, 0]\nradius = 0", "radius`: must be > 0, got 0")]);
     check_lights("point", &[("position = [0, 1, 0]\nup = [0, 1, 0]", "up`: only for a rectangle")]);
+    check_lights("point", &[("position = [0, 1, 0]\nsize = 2", "size`: only for a light with a size")]);
     check_lights("point", &[("position = [0, 1e30, 0]", "position`: must be at most 1.8")]);
 }
 

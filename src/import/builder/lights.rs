@@ -56,7 +56,7 @@ fn keys_of(kind: LightType, radius: Option<f64>) -> &'static [&'static str] {
         LightType::Sphere => &["position", "radius", "size", "size_range", "occludes"],
         LightType::Spot if radius == Some(0.0) => &["position", "look_at", "radius", "angle", "softness"],
         LightType::Spot => &["position", "look_at", "radius", "angle", "softness", "size", "size_range"],
-        LightType::Point => &["position", "size"],
+        LightType::Point => &["position"],
         LightType::Distant => &["position", "look_at"],
         LightType::Environment => &["image", "rotation"],
         LightType::Mesh => &["material"],
