@@ -5,6 +5,8 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
+use rayon::prelude::*;
+
 use crate::math::Rgb;
 
 /// Value of 1 in fixed point, 2³²: 32 fractional bits resolve 2.3·10⁻¹⁰ of display white, far
@@ -83,10 +85,30 @@ impl SplatBuffer {
         std::array::from_fn(|c| self.cells[3 * i + c].load(Ordering::Relaxed) as f64 / (ONE * scale))
     }
 
+    /// The buffer in parts of `length` numbers, three for each cell.
+    pub(super) fn par_chunks_mut(&mut self, length: usize) -> impl IndexedParallelIterator<Item = Part<'_>> {
+        self.cells.par_chunks_mut(length).map(Part)
+    }
+
+    /// Sets every cell to zero.
+    pub fn clear(&mut self) {
+        self.cells.par_iter_mut().for_each(|cell| *cell.get_mut() = 0);
+    }
+
     /// Number of values that did not fit.
     #[must_use]
     pub fn overflows(&self) -> u64 {
         self.overflows.load(Ordering::Relaxed)
+    }
+}
+
+/// Cells of a buffer that are taken out.
+pub(super) struct Part<'a>(&'a mut [AtomicU64]);
+
+impl Part<'_> {
+    /// The i-th number, in the units it was added in; the buffer then has 0 in its place.
+    pub fn take(&mut self, i: usize, scale: f64) -> f64 {
+        std::mem::take(self.0[i].get_mut()) as f64 / (ONE * scale)
     }
 }
 
