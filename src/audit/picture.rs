@@ -1,6 +1,7 @@
 //! Pictures of a run as EXR: part `rgb` (the beauty), `luminance` (`l`, as
-//! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`, and
-//! `light.NAME` for the share of each light.
+//! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`,
+//! `light.NAME` for the share of each light, and `replicates` (linear luminance
+//! of each replicate) where f_q is measured on those.
 
 use serde_json::Value;
 
@@ -36,6 +37,13 @@ pub fn exr(
     ];
     parts.extend(light_names.iter().zip(&picture.lights).map(|(n, l)| ExrPart::rgb(format!("light.{n}"), l)));
     ExrImage { width: picture.width, height: picture.height, parts, lightopt: Some(attribute) }
+}
+
+/// The part that holds the linear luminance of each replicate of a picture, in the channels `Y0`, `Y1` …
+#[must_use]
+pub fn replicates(luminances: impl IntoIterator<Item = Vec<f32>>) -> ExrPart {
+    let channels = luminances.into_iter().enumerate().map(|(r, y)| (format!("Y{r}"), y)).collect();
+    ExrPart { name: "replicates".into(), channels }
 }
 
 /// Radiance of a picture without its parts, to be written as PNG.

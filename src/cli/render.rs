@@ -36,7 +36,8 @@ use crate::{
 /// An EXR holds linear radiance with the object mask, albedo, normals, depth and the share of
 /// each light; a PNG is encoded for display.
 ///
-/// With the lights.toml, seed, --size and --final-spp of a run this makes its final picture again.
+/// With the lights.toml of a run this shows what its final picture shows, but for noise: it has samples of
+/// its own.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree render -o basket.png fruit_basket.obj\n  \

@@ -1,111 +1,270 @@
 //! Full-size pictures of a run, and the attributes of its EXR files.
 
-use std::time::Instant;
+use std::{path::Path, sync::Mutex, time::Instant};
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    Reporter, RunError,
-    products::{GrowingPicture, picture_key},
-    render::{Budget, PassedPicture},
+    FinalPicture, Reporter, RunError,
+    growing::{Grown, Wanted},
+    noise::{self, Display, Noise},
+    products::{GrowingPictures, growing_key},
     setup::{Setup, Task},
 };
 use crate::{
     audit::{lights::LightsFile, picture, write_whole},
     film::{
+        Picture,
         exr::{write_exr, write_exr_plain},
-        image_file::write_png,
+        image_file::{LinearImage, write_png},
     },
-    integrator::{RenderError, View, aov},
-    lighting::SamplingPlan,
-    objective::{Evaluation, Objective, Target},
+    integrator::{
+        RenderError, View,
+        aov::{self, Aovs},
+    },
+    lighting::{Lighting, SamplingPlan},
+    math::display::LuminanceMode,
+    objective::{Evaluation, LABELLINGS, Objective, Replicates, Target},
 };
 
-/// Samples of the final picture over those of the initial one: that is only looked at, and a quarter of
-/// the samples has twice the noise at a quarter of the time.
-const INITIAL_SHARE: u32 = 4;
+/// Weight of the picture of the start, where one of lights found has 1: it is only looked at, and may have
+/// twice the noise.
+const START_WEIGHT: f32 = 0.5;
 
-/// Writes the lights that were found.
-pub(super) fn write_lights(task: &Task, found: &[f64], setup: Setup) -> Result<(), RunError> {
-    let file = LightsFile::new(setup.scene, &setup.lighting(found));
-    Ok(write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?)
-}
-
-/// The final picture of a look.
-pub(super) struct Last {
-    /// f_q and terms of the picture as it was written.
-    pub evaluation: Evaluation,
-    /// Samples per pixel that it has.
-    pub spp: u32,
-}
-
-/// Renders the full-size pictures of the start and of what was found; `part` is the share of the time
-/// left that both may take.
-pub(super) fn take(
+/// Writes the lights that were found, and the small picture of them that showed how good they are, where
+/// there is one.
+pub(super) fn write_found(
     task: &Task,
-    found: &[f64],
-    setup: Setup,
-    part: f64,
-    reporter: &impl Reporter,
-) -> Result<Option<Last>, RunError> {
-    let final_spp = setup.options.final_spp;
-    let first = (final_spp / INITIAL_SHARE).max(1);
-    let end = setup.deadline.of_part(part / f64::from(1 + INITIAL_SHARE));
-    take_one(task, "initial", &setup.variables.start(), first, end, setup, reporter)?;
-    let rest = part * f64::from(INITIAL_SHARE) / (f64::from(1 + INITIAL_SHARE) - part);
-    let end = setup.deadline.of_part(rest.min(1.0));
-    take_one(task, "final", found, final_spp, end, setup, reporter)
-}
-
-/// Renders and writes the picture of a point of the unit cube: of `spp` samples per pixel or, when the
-/// time is over or somebody interrupts, of those so far; `None` where there are none.
-fn take_one(
-    task: &Task,
-    name: &str,
     u: &[f64],
-    spp: u32,
+    shown: Option<&Picture>,
+    setup: Setup,
+) -> Result<(), RunError> {
+    let lighting = setup.lighting(u);
+    let file = LightsFile::new(setup.scene, &lighting);
+    write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
+    if let Some(shown) = shown {
+        write_png(&task.job.out.join("found.png"), &picture::beauty(shown), lighting.exposure)?;
+    }
+    Ok(())
+}
+
+/// A picture to be taken.
+struct Shot<'t, 'a> {
+    /// Name of its files.
+    name: &'static str,
+    /// Indices and tasks of the looks that it belongs to.
+    tasks: Vec<(usize, &'t Task<'a>)>,
+    /// Point of the unit cube.
+    u: Vec<f64>,
+    lighting: Lighting,
+    /// Share of samples at its lights' sizes, and inverse of the noise allowed, both in those of a picture
+    /// of lights found.
+    weight: f32,
+}
+
+impl Shot<'_, '_> {
+    fn noise(&self, luminances: &[Vec<f64>], setup: Setup) -> Noise {
+        let width = setup.options.size.x as usize;
+        // A display shows it so, whatever f_q measures.
+        let luminance = LuminanceMode::Srgb;
+        noise::estimate(luminances, Display { width, luminance, exposure: self.lighting.exposure })
+    }
+
+    fn write_png(&self, rgb: &[[f32; 3]], setup: Setup) -> Result<(), RunError> {
+        let [width, height] = setup.options.size.to_array().map(|n| n as usize);
+        let image = LinearImage { width, height, rgb: rgb.to_vec() };
+        let path = |out: &Path| out.join(self.name).with_extension("png");
+        let mut each = self.tasks.iter();
+        each.try_for_each(|(_, task)| write_png(&path(&task.job.out), &image, self.lighting.exposure))?;
+        Ok(())
+    }
+}
+
+/// The final pictures of all looks.
+pub(super) struct Pictures {
+    /// Final picture of each look; `None` where an interrupt left no time for one.
+    pub taken: Vec<Option<FinalPicture>>,
+    /// Number of renders that it took.
+    pub renders: u64,
+}
+
+/// Renders the full-size pictures of the start and of the lights found for every look, as many together as
+/// the memory allows, and writes them.
+pub(super) fn take(
+    looks: &[(&Task, &[f64])],
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<Pictures, RunError> {
+    let mut pictures = Pictures { taken: looks.iter().map(|_| None).collect(), renders: 0 };
+    if reporter.cancelled() {
+        return Ok(pictures);
+    }
+    let shot = |name, tasks, u: &[f64], weight| {
+        let (u, lighting) = (u.to_vec(), setup.lighting(u));
+        Shot { name, tasks, u, lighting, weight }
+    };
+    let all = looks.iter().enumerate().map(|(i, (task, _))| (i, *task)).collect();
+    let start = shot("initial", all, &setup.variables.start(), START_WEIGHT);
+    let found = looks.iter().enumerate().map(|(i, (task, u))| shot("final", vec![(i, *task)], u, 1.0));
+    let shots: Vec<Shot> = std::iter::once(start).chain(found).collect();
+
+    let camera = setup.scene.camera.resized(setup.options.size);
+    let view = View { scene: setup.scene, camera: &camera };
+    let n_groups = shots.len().div_ceil(most_together(setup));
+    let mut groups_left = n_groups as u32;
+    for group in shots.chunks(shots.len().div_ceil(n_groups)) {
+        let end = setup.deadline.of_part(1.0 / f64::from(groups_left));
+        groups_left -= 1;
+        pictures.renders += 1;
+        for (look, last) in take_group(group, view, end, setup, reporter)? {
+            pictures.taken[look] = Some(last);
+        }
+    }
+    Ok(pictures)
+}
+
+/// Number of pictures that may be rendered together.
+fn most_together(setup: Setup) -> usize {
+    let bytes = Grown::bytes(setup.options.size, setup.scene.lights.len());
+    usize::try_from(setup.options.memory / bytes.max(1))
+        .unwrap_or(usize::MAX)
+        .clamp(1, SamplingPlan::MAX_TOGETHER)
+}
+
+/// Renders some pictures together and writes them; returns the measures of those of lights found, by look.
+fn take_group(
+    shots: &[Shot],
+    view: View,
     end: Option<Instant>,
     setup: Setup,
     reporter: &impl Reporter,
-) -> Result<Option<Last>, RunError> {
-    if reporter.cancelled() {
-        return Ok(None);
-    }
-    let (options, scene) = (setup.options, setup.scene);
-    let lighting = setup.lighting(u);
-    let camera = scene.camera.resized(options.size);
-    let view = View { scene, camera: &camera };
+) -> Result<Vec<(usize, FinalPicture)>, RunError> {
+    let options = setup.options;
     // Before the samples: whoever interrupts those waits no longer than he must.
-    let aovs = aov::trace(view, lighting.value as f32);
-    let objective = Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask)?;
-    let rows = u64::from(options.size.y) * u64::from(spp);
-    reporter.stage(&format!("{name} picture"), Some(rows));
-    let budget = Budget { seed: options.seed, spp, n_replicates: 1 };
-    let plan = SamplingPlan::for_picture(&lighting);
+    let aovs = trace(shots, view);
+    let objective =
+        |task: &Task, aovs: &Aovs| Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask);
+    let objectives: Vec<Vec<Objective>> = shots
+        .iter()
+        .map(|shot| shot.tasks.iter().map(|(_, task)| objective(task, &aovs[0].1)).collect())
+        .collect::<Result<_, _>>()?;
+
+    let lightings: Vec<&Lighting> = shots.iter().map(|shot| &shot.lighting).collect();
+    let weighted: Vec<(&Lighting, f32)> = shots.iter().map(|shot| (&shot.lighting, shot.weight)).collect();
+    let plan = SamplingPlan::for_pictures(&weighted);
+    let wanted =
+        Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
+    reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
+    let failure = Mutex::new(None);
+    let is_enough = |grown: &Grown| match look_at(shots, grown, setup, reporter) {
+        Ok(is_enough) => is_enough,
+        Err(e) => failure.lock().map(|mut failure| *failure = Some(e)).is_ok(),
+    };
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
-    let key = picture_key(&setup, &lighting, &plan, &camera, budget);
-    let growing = GrowingPicture { products: setup.products, key, is_over: &is_over, reporter };
-    let rendered = setup.renderer().render_in_passes(view, &lighting, &plan, budget, &growing, reporter);
-    let PassedPicture { picture: rendered, spp: taken } = match rendered {
-        Err(RenderError::Cancelled) => return Ok(None),
+    let growing = GrowingPictures {
+        products: setup.products,
+        key: growing_key(&setup, &wanted),
+        is_over: &is_over,
+        is_enough: &is_enough,
+        reporter,
+    };
+    let grown = match setup.renderer().grow(&wanted, &growing, reporter) {
+        Err(RenderError::Cancelled) => return Ok(Vec::new()),
         other => other?,
     };
-    if taken < spp {
-        reporter.note(&format!("{name} picture: {taken} of {spp} samples a pixel"));
+    if let Some(e) = failure.into_inner().unwrap_or_default() {
+        return Err(e);
     }
-    let display = options.luminance.encode_image(&rendered.rgb, lighting.exposure);
-    let evaluation = objective.evaluate(&display);
-    let mut attribute = attribute(setup, &task.job.target, u, &evaluation, taken);
-    if taken < spp {
-        attribute["incomplete"] = true.into();
+    if !grown.is_complete() {
+        reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
     }
-    let names = scene.light_names();
-    let exr = picture::exr(&rendered, &aovs, &names, lighting.exposure, options.luminance, attribute);
-    let out = &task.job.out;
-    let write = if taken < spp { write_exr_plain } else { write_exr };
-    write(&out.join(format!("{name}.exr")), &exr)?;
-    write_png(&out.join(format!("{name}.png")), &picture::beauty(&rendered), lighting.exposure)?;
-    Ok(Some(Last { evaluation, spp: taken }))
+    let written: Vec<_> = shots
+        .par_iter()
+        .zip(&objectives)
+        .enumerate()
+        .map(|(k, (shot, objectives))| {
+            let (_, aovs) =
+                aovs.iter().find(|(value, _)| *value == shot.lighting.value as f32).unwrap_or(&aovs[0]);
+            write(shot, k, &grown, aovs, objectives, setup)
+        })
+        .collect::<Result<_, RunError>>()?;
+    let each = shots.iter().zip(written).filter(|(shot, _)| shot.name == "final");
+    let mut lasts: Vec<(usize, FinalPicture)> = Vec::new();
+    for (shot, measured) in each {
+        lasts.extend(shot.tasks.iter().map(|(look, _)| *look).zip(measured));
+    }
+    let error = lasts.iter().map(|(_, last)| last.noise.error()).fold(0.0, f64::max);
+    if grown.is_complete() && error >= options.final_noise && options.final_noise > 0.0 {
+        reporter.note(&format!(
+            "pictures: noise {error:.4} is left after {} samples a pixel, as many as are allowed; {} was asked for",
+            grown.spp(),
+            options.final_noise
+        ));
+    }
+    Ok(lasts)
+}
+
+/// Auxiliary pictures for every value of the background among some pictures.
+fn trace(shots: &[Shot], view: View) -> Vec<(f32, Aovs)> {
+    let mut values: Vec<f32> = shots.iter().map(|shot| shot.lighting.value as f32).collect();
+    values.sort_by(f32::total_cmp);
+    values.dedup();
+    values.into_iter().map(|value| (value, aov::trace(view, value))).collect()
+}
+
+/// Refreshes the pictures on disk after a round, tells how noisy they are, and whether they are good enough.
+fn look_at(shots: &[Shot], grown: &Grown, setup: Setup, reporter: &impl Reporter) -> Result<bool, RunError> {
+    let noise = |(k, shot): (usize, &Shot)| {
+        shot.write_png(&grown.beauty(k), setup)?;
+        Ok(f64::from(shot.weight) * shot.noise(&luminances(grown, k), setup).error())
+    };
+    let errors = shots.par_iter().enumerate().map(noise).collect::<Result<Vec<f64>, RunError>>()?;
+    let (error, asked) = (errors.into_iter().fold(0.0, f64::max), setup.options.final_noise);
+    let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
+    reporter.progress(&format!("pictures: noise {error:.4}{wanted}"));
+    Ok(error < asked)
+}
+
+/// Linear luminance of each replicate of a picture, as its EXR has it.
+fn luminances(grown: &Grown, k: usize) -> Vec<Vec<f64>> {
+    grown.luminances(k).iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect()
+}
+
+/// Writes the k-th picture for every look that it belongs to, and measures it for each.
+fn write(
+    shot: &Shot,
+    k: usize,
+    grown: &Grown,
+    aovs: &Aovs,
+    objectives: &[Objective],
+    setup: Setup,
+) -> Result<Vec<FinalPicture>, RunError> {
+    let (options, exposure) = (setup.options, shot.lighting.exposure);
+    let rendered = grown.picture(k);
+    let display = options.luminance.encode_image(&rendered.rgb, exposure);
+    let linear = luminances(grown, k);
+    let noise = shot.noise(&linear, setup);
+    let replicates = Replicates { linear: &linear, luminance: options.luminance, exposure };
+    shot.write_png(&rendered.rgb, setup)?;
+    let (names, is_incomplete) = (setup.scene.light_names(), !grown.is_complete());
+    let each = shot.tasks.iter().zip(objectives).map(|((_, task), objective)| {
+        let estimate = replicates.measure(objective, LABELLINGS)?;
+        let f_q_picture = objective.evaluate(&display).f_q;
+        let mut attribute = attribute(setup, &task.job.target, &shot.u, &estimate.evaluation, grown.spp());
+        attribute["f_q_error"] = estimate.error_bar().into();
+        attribute["f_q_picture"] = f_q_picture.into();
+        attribute["noise"] = noise.error().into();
+        if is_incomplete {
+            attribute["incomplete"] = true.into();
+        }
+        let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.luminance, attribute);
+        exr.parts.push(picture::replicates(grown.luminances(k)));
+        let write = if is_incomplete { write_exr_plain } else { write_exr };
+        write(&task.job.out.join(shot.name).with_extension("exr"), &exr)?;
+        Ok(FinalPicture { estimate, f_q_picture, noise, spp: grown.spp(), is_incomplete })
+    });
+    each.collect()
 }
 
 /// The `lightopt` attribute of the picture of the point `u` of the unit cube: enough to evaluate the

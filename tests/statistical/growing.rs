@@ -1,0 +1,141 @@
+//! Pictures of several lightings that grow together, against a render of each.
+
+use glam::Vec3;
+use lightopt_embree::{
+    design::{
+        growing::{Between, Grown, Wanted},
+        noise::{self, Display},
+        render::Renderer,
+    },
+    film::Picture,
+    integrator::{Integrator, IntegratorKind, View},
+    lighting::{Lighting, SamplingPlan},
+    math::{self, stats::Moments},
+    objective::LuminanceMode,
+    sampler::SamplerKind,
+    scene::{Scene, material::Model},
+};
+
+use crate::support::{
+    compare::{Measured, Subject, assert_same},
+    scenes,
+};
+
+/// A glossy ball in a room with three lamps; the room is the background.
+fn scene() -> Scene {
+    let (mut s, mut m) = scenes::room();
+    m.push(scenes::material("ball", Model::Plastic, [0.6, 0.4, 0.3], 0.3));
+    s.sphere(Vec3::new(0.1, 0.5, 0.1), 0.45, 12, true, 3);
+    let lights = vec![
+        scenes::rectangle("panel", Vec3::new(0.0, 1.9, 0.2), Vec3::NEG_Y, 0.3, 0.3),
+        scenes::sphere_light("bulb", Vec3::new(0.6, 1.4, -0.3), 0.12),
+        scenes::disk("disk", Vec3::new(-0.8, 1.2, 0.6), Vec3::new(1.0, -0.4, -0.4), 0.2, None),
+    ];
+    let scene = Scene::new("ball", s.mesh, m, lights, scenes::room_camera((16, 12))).unwrap();
+    scene.with_background(vec![0, 1, 2])
+}
+
+/// A start with all lights, and a look with two of them, one much smaller, before a darker background.
+fn lightings() -> [Lighting; 2] {
+    let lighting = |radiance: [f64; 3], size: [f64; 3], value: f64| Lighting {
+        radiance: radiance.into(),
+        size: size.into(),
+        value,
+        exposure: 1.0,
+    };
+    [lighting([2.0, 4.0, 2.0], [1.0, 1.0, 1.0], 1.0), lighting([9.0, 0.0, 6.0], [0.3, 1.0, 1.2], 0.6)]
+}
+
+fn integrator(kind: IntegratorKind) -> Integrator {
+    Integrator { kind, max_depth: 5, ..Integrator::default() }
+}
+
+/// Grows the pictures of both lightings.
+fn grow(scene: &Scene, kind: IntegratorKind, seed: u64, spp: u32, between: &dyn Between) -> Grown {
+    let (luminance, sampler) = (LuminanceMode::Srgb, SamplerKind::Sobol);
+    let renderer = Renderer { integrator: integrator(kind), sampler, luminance };
+    let [start, look] = &lightings();
+    let plan = SamplingPlan::for_pictures(&[(start, 0.5), (look, 1.0)]);
+    let view = View { scene, camera: &scene.camera };
+    let wanted = Wanted { view, lightings: &[start, look], plan: &plan, seed, spp };
+    renderer.grow(&wanted, between, &()).unwrap()
+}
+
+/// Statistics of pictures.
+fn measured(scene: &Scene, pictures: &[Picture]) -> Measured {
+    let size = scene.camera.size();
+    let n = size.element_product() as usize;
+    let mut out = Measured { size, pixels: vec![[Moments::default(); 3]; n], total: Moments::default() };
+    for picture in pictures {
+        let mut sum = 0.0;
+        for (moments, rgb) in out.pixels.iter_mut().zip(&picture.rgb) {
+            for (m, &v) in moments.iter_mut().zip(rgb) {
+                m.push(f64::from(v));
+                sum += f64::from(v);
+            }
+        }
+        out.total.push(sum / (3 * n) as f64);
+    }
+    out
+}
+
+#[test]
+fn pictures_that_grow_together_are_those_of_renders_of_their_own() {
+    let scene = scene();
+    for kind in IntegratorKind::ALL {
+        let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 32, &|| false)).collect();
+        for (k, x) in lightings().into_iter().enumerate() {
+            let subject = Subject::lit(&scene, x);
+            let alone = subject.measure(&integrator(kind), SamplerKind::Sobol, 7, 40, 64);
+            let pictures: Vec<Picture> = grown.iter().map(|grown| grown.picture(k)).collect();
+            let name = |of: &str| format!("grown-{}-{k}-{of}", kind.name());
+            assert_same(&name("all"), &measured(&scene, &pictures), &alone);
+            let halves: Vec<Picture> = grown.iter().flat_map(|grown| grown.halves(k)).collect();
+            assert_same(&name("halves"), &measured(&scene, &halves), &alone);
+            let layers: Vec<Picture> = pictures
+                .into_iter()
+                .map(|mut picture| {
+                    picture.rgb = picture.lights.swap_remove(2);
+                    picture
+                })
+                .collect();
+            let mut of_light = lightings()[k].clone();
+            of_light.radiance[..2].fill(0.0);
+            let alone =
+                Subject::lit(&scene, of_light).measure(&integrator(kind), SamplerKind::Sobol, 8, 40, 64);
+            assert_same(&name("light"), &measured(&scene, &layers), &alone);
+        }
+    }
+}
+
+/// With as many samples as here the display's curve is straight over the noise; with few the jackknife's
+/// variance of a curved function is too large rather than too small (\[Efron82\] theorem 4.1).
+#[test]
+fn the_noise_that_is_told_is_that_of_the_pictures() {
+    let scene = scene();
+    let kind = IntegratorKind::Bdpt;
+    let width = scene.camera.size().x as usize;
+    let show = |rgb: &[f32; 3]| LuminanceMode::Srgb.encode(math::display::luminance(*rgb), 1.0);
+    let truth = grow(&scene, kind, 1_000_000, 1 << 13, &|| false);
+    let truth = [0, 1].map(|k| truth.picture(k).rgb.iter().map(show).collect::<Vec<f64>>());
+    let [mut told, mut known] = [[Moments::default(); 2]; 2];
+    for seed in 0..60 {
+        let grown = grow(&scene, kind, seed, 128, &|| false);
+        for k in 0..2 {
+            let linear: Vec<Vec<f64>> =
+                grown.luminances(k).iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect();
+            let display = Display { width, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+            told[k].push(noise::estimate(&linear, display).whole.powi(2));
+            let shown = grown.picture(k).rgb.into_iter().map(|rgb| show(&rgb));
+            let squares = shown.zip(&truth[k]).map(|(shown, truth)| (shown - truth).powi(2));
+            known[k].push(squares.sum::<f64>() / truth[k].len() as f64);
+        }
+    }
+    for (k, (told, known)) in told.iter().zip(&known).enumerate() {
+        let spread = (told.variance_of_mean() + known.variance_of_mean()).sqrt();
+        let z = (told.mean() - known.mean()) / spread;
+        println!("lighting {k}: told {:.5}, known {:.5}, z {z:.2}", told.mean().sqrt(), known.mean().sqrt());
+        assert!(spread < 0.1 * known.mean(), "{spread}");
+        assert!(z.abs() < 2.8, "{z}");
+    }
+}
