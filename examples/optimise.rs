@@ -61,6 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         spp: None,
         final_spp: 32,
         final_noise: 0.02,
+        denoise: true,
         free: constraints.free.clone(),
         seed: 0,
         max_evaluations: 30,

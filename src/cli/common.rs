@@ -122,6 +122,11 @@ pub struct PictureArgs {
     /// With 0 all of --final-spp are
     #[arg(long, value_name = "ERROR", default_value_t = FINAL_NOISE, value_parser = parse_noise)]
     pub final_noise: f64,
+
+    /// Show pictures with their noise: PNGs are of the samples as they are, and --final-noise is that of
+    /// those
+    #[arg(long)]
+    pub no_denoise: bool,
 }
 
 impl TransportArgs {

@@ -287,6 +287,7 @@ fn work(
             spp: args.spp,
             final_spp: args.final_spp,
             final_noise: args.pictures.final_noise,
+            denoise: !args.pictures.no_denoise,
             free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,

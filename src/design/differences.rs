@@ -362,7 +362,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         }))?;
         if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
             self.record_iteration(u, line, &rendered, &measured.plain)?;
-            write_found(self.task, u, Some(&rendered.picture), self.setup)?;
+            write_found(self.task, u, Some(&rendered.shown(self.setup.features)), self.setup)?;
             self.best = Some((f_q, u.to_vec()));
         }
         self.reporter.evaluated(&Progress {

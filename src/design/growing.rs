@@ -17,8 +17,9 @@ use rayon::prelude::*;
 
 use super::render::Renderer;
 use crate::{
+    denoise::denoise,
     film::{Picture, RgbFilm},
-    integrator::{Observer, RenderError, Samples, Values, View},
+    integrator::{Observer, RenderError, Samples, Values, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
     math::display::luminance,
 };
@@ -143,6 +144,25 @@ impl Grown {
     pub fn halves(&self, k: usize) -> [Picture; 2] {
         let count = |h: usize| self.counts[h * OF_HALF..][..OF_HALF].iter().sum();
         std::array::from_fn(|h| Layers { of: self, k, sums: &[&self.halves[h]], count: count(h) }.picture())
+    }
+
+    /// Picture of the k-th lighting without its noise.
+    #[must_use]
+    pub fn denoised(&self, k: usize, features: &Features) -> Picture {
+        let halves = self.halves(k);
+        let [a, b] = halves.each_ref().map(|half| half.lights.as_slice());
+        Picture::of_lights([halves[0].width, halves[0].height], denoise(features, [a, b]))
+    }
+
+    /// Radiance of the k-th lighting from either half of the replicates, each without its noise, row by row:
+    /// two that are independent.
+    #[must_use]
+    pub fn denoised_halves(&self, k: usize, features: &Features) -> [Vec<[f32; 3]>; 2] {
+        let replicates = self.replicates(k);
+        std::array::from_fn(|h| {
+            let [a, b] = [0, 1].map(|r| std::slice::from_ref(&replicates[h * OF_HALF + r]));
+            denoise(features, [a, b]).remove(0)
+        })
     }
 
     /// Radiance of each replicate of the k-th lighting, row by row.

@@ -151,7 +151,7 @@ impl LookSearch<'_, '_> {
     /// Writes the best lights so far, with their picture from the basis.
     pub fn write(&self, now: &WorkingBasis, setup: Setup) -> Result<(), RunError> {
         let u = &self.best.u;
-        write_found(self.task, u, Some(&now.picture(&setup.lighting(u))), setup)
+        write_found(self.task, u, Some(&now.shown(&setup.lighting(u), setup.features)), setup)
     }
 
     /// Writes the record and finds the range of each term; `cut_short` is the reason if the search was ended

@@ -90,9 +90,11 @@ pub struct RunOptions {
     pub spp: Option<u32>,
     /// Samples per pixel of the final picture at most.
     pub final_spp: u32,
-    /// [Error](Noise::error) that noise may leave in the final picture: no more samples are taken when it
+    /// [Error](Noise::error) that noise may leave in the final picture as it is shown: no more samples are taken when it
     /// is below; with 0 as many are as may be.
     pub final_noise: f64,
+    /// Whether pictures that are looked at are denoised; what is measured never is.
+    pub denoise: bool,
     /// Kinds of variables that are free.
     pub free: FreeKinds,
     /// Seed of all samples and of the search.

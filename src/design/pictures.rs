@@ -14,17 +14,17 @@ use super::{
 };
 use crate::{
     audit::{lights::LightsFile, picture, write_whole},
+    denoise::Layer,
     film::{
-        Picture,
         exr::{write_exr, write_exr_plain},
         image_file::{LinearImage, write_png},
     },
     integrator::{
         RenderError, View,
-        aov::{self, Aovs},
+        aov::{self, Aovs, Features},
     },
     lighting::{Lighting, SamplingPlan},
-    math::display::LuminanceMode,
+    math::{self, display::LuminanceMode},
     objective::{Evaluation, LABELLINGS, Objective, Replicates, Target},
 };
 
@@ -37,14 +37,14 @@ const START_WEIGHT: f32 = 0.5;
 pub(super) fn write_found(
     task: &Task,
     u: &[f64],
-    shown: Option<&Picture>,
+    shown: Option<&LinearImage>,
     setup: Setup,
 ) -> Result<(), RunError> {
     let lighting = setup.lighting(u);
     let file = LightsFile::new(setup.scene, &lighting);
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {
-        write_png(&task.job.out.join("found.png"), &picture::beauty(shown), lighting.exposure)?;
+        write_png(&task.job.out.join("found.png"), shown, lighting.exposure)?;
     }
     Ok(())
 }
@@ -64,11 +64,29 @@ struct Shot<'t, 'a> {
 }
 
 impl Shot<'_, '_> {
-    fn noise(&self, luminances: &[Vec<f64>], setup: Setup) -> Noise {
+    /// The part of a picture's error that counts when it is compared with what is allowed.
+    fn counted(&self, noise: &Noise) -> f64 {
+        f64::from(self.weight) * noise.error()
+    }
+
+    /// Noise of the k-th picture as it is shown, and the picture: where features are given, the mean of two
+    /// that are denoised apart.
+    fn look(&self, k: usize, grown: &Grown, features: Option<&Features>, setup: Setup) -> (Noise, Layer) {
         let width = setup.options.size.x as usize;
         // A display shows it so, whatever f_q measures.
         let luminance = LuminanceMode::Srgb;
-        noise::estimate(luminances, Display { width, luminance, exposure: self.lighting.exposure })
+        let display = Display { width, luminance, exposure: self.lighting.exposure };
+        let [a, b, c, d] = grown.luminances(k).map(widened);
+        let Some(features) = features else {
+            return (noise::estimate(&[a, b, c, d], display), grown.beauty(k));
+        };
+        let halves = grown.denoised_halves(k, features);
+        let linear =
+            halves.each_ref().map(|half| half.iter().map(|&v| math::display::luminance(v)).collect());
+        let [x, y]: [Vec<f64>; 2] = linear;
+        let noise = noise::of_denoised([&x, &y], [[&a, &b], [&c, &d]], display);
+        let mean = |(x, y): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (x[c] + y[c]));
+        (noise, halves[0].iter().zip(&halves[1]).map(mean).collect())
     }
 
     fn write_png(&self, rgb: &[[f32; 3]], setup: Setup) -> Result<(), RunError> {
@@ -143,6 +161,8 @@ fn take_group(
     let options = setup.options;
     // Before the samples: whoever interrupts those waits no longer than he must.
     let aovs = trace(shots, view);
+    let features = options.denoise.then(|| Features::trace(view));
+    let features = features.as_ref();
     let objective =
         |task: &Task, aovs: &Aovs| Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask);
     let objectives: Vec<Vec<Objective>> = shots
@@ -156,9 +176,13 @@ fn take_group(
     let wanted =
         Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
     reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
-    let failure = Mutex::new(None);
-    let is_enough = |grown: &Grown| match look_at(shots, grown, setup, reporter) {
-        Ok(is_enough) => is_enough,
+    let (failure, last_look) = (Mutex::new(None), Mutex::new((0, Vec::new())));
+    let is_enough = |grown: &Grown| match look_at(shots, grown, features, setup, reporter) {
+        Ok(noise) => {
+            let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+            last_look.lock().map(|mut last| *last = (grown.spp(), noise)).is_ok()
+                && error < options.final_noise
+        }
         Err(e) => failure.lock().map(|mut failure| *failure = Some(e)).is_ok(),
     };
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
@@ -176,17 +200,23 @@ fn take_group(
     if let Some(e) = failure.into_inner().unwrap_or_default() {
         return Err(e);
     }
+    let (spp, noise) = last_look.into_inner().unwrap_or_default();
+    let noise = match spp == grown.spp() {
+        true => noise,
+        false => look_at(shots, &grown, features, setup, reporter)?,
+    };
     if !grown.is_complete() {
         reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
     }
     let written: Vec<_> = shots
         .par_iter()
         .zip(&objectives)
+        .zip(noise)
         .enumerate()
-        .map(|(k, (shot, objectives))| {
+        .map(|(k, ((shot, objectives), noise))| {
             let (_, aovs) =
                 aovs.iter().find(|(value, _)| *value == shot.lighting.value as f32).unwrap_or(&aovs[0]);
-            write(shot, k, &grown, aovs, objectives, setup)
+            write(shot, (k, &grown, noise), (aovs, features), objectives, setup)
         })
         .collect::<Result<_, RunError>>()?;
     let each = shots.iter().zip(written).filter(|(shot, _)| shot.name == "final");
@@ -213,40 +243,48 @@ fn trace(shots: &[Shot], view: View) -> Vec<(f32, Aovs)> {
     values.into_iter().map(|value| (value, aov::trace(view, value))).collect()
 }
 
-/// Refreshes the pictures on disk after a round, tells how noisy they are, and whether they are good enough.
-fn look_at(shots: &[Shot], grown: &Grown, setup: Setup, reporter: &impl Reporter) -> Result<bool, RunError> {
-    let noise = |(k, shot): (usize, &Shot)| {
-        shot.write_png(&grown.beauty(k), setup)?;
-        Ok(f64::from(shot.weight) * shot.noise(&luminances(grown, k), setup).error())
+/// Refreshes the pictures on disk after a round, and measures and tells how noisy they are.
+fn look_at(
+    shots: &[Shot],
+    grown: &Grown,
+    features: Option<&Features>,
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<Vec<Noise>, RunError> {
+    let look = |(k, shot): (usize, &Shot)| {
+        let (noise, shown) = shot.look(k, grown, features, setup);
+        shot.write_png(&shown, setup)?;
+        Ok(noise)
     };
-    let errors = shots.par_iter().enumerate().map(noise).collect::<Result<Vec<f64>, RunError>>()?;
-    let (error, asked) = (errors.into_iter().fold(0.0, f64::max), setup.options.final_noise);
+    let noise = shots.par_iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
+    let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+    let asked = setup.options.final_noise;
     let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
     reporter.progress(&format!("pictures: noise {error:.4}{wanted}"));
-    Ok(error < asked)
+    Ok(noise)
 }
 
-/// Linear luminance of each replicate of a picture, as its EXR has it.
-fn luminances(grown: &Grown, k: usize) -> Vec<Vec<f64>> {
-    grown.luminances(k).iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect()
+/// The same numbers with more digits.
+fn widened(values: Vec<f32>) -> Vec<f64> {
+    values.into_iter().map(f64::from).collect()
 }
 
 /// Writes the k-th picture for every look that it belongs to, and measures it for each.
 fn write(
     shot: &Shot,
-    k: usize,
-    grown: &Grown,
-    aovs: &Aovs,
+    (k, grown, noise): (usize, &Grown, Noise),
+    (aovs, features): (&Aovs, Option<&Features>),
     objectives: &[Objective],
     setup: Setup,
 ) -> Result<Vec<FinalPicture>, RunError> {
     let (options, exposure) = (setup.options, shot.lighting.exposure);
     let rendered = grown.picture(k);
     let display = options.luminance.encode_image(&rendered.rgb, exposure);
-    let linear = luminances(grown, k);
-    let noise = shot.noise(&linear, setup);
+    // As the EXR has them.
+    let linear = grown.luminances(k).map(widened);
+    let denoised = features.map(|features| grown.denoised(k, features));
     let replicates = Replicates { linear: &linear, luminance: options.luminance, exposure };
-    shot.write_png(&rendered.rgb, setup)?;
+    shot.write_png(&denoised.as_ref().unwrap_or(&rendered).rgb, setup)?;
     let (names, is_incomplete) = (setup.scene.light_names(), !grown.is_complete());
     let each = shot.tasks.iter().zip(objectives).map(|((_, task), objective)| {
         let estimate = replicates.measure(objective, LABELLINGS)?;
@@ -260,6 +298,7 @@ fn write(
         }
         let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.luminance, attribute);
         exr.parts.push(picture::replicates(grown.luminances(k)));
+        exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
         let write = if is_incomplete { write_exr_plain } else { write_exr };
         write(&task.job.out.join(shot.name).with_extension("exr"), &exr)?;
         Ok(FinalPicture { estimate, f_q_picture, noise, spp: grown.spp(), is_incomplete })

@@ -6,8 +6,9 @@ use std::{
 };
 
 use crate::{
-    film::{Picture, RgbFilm},
-    integrator::{Integrator, Observer, RenderError, Samples, View},
+    denoise::denoise,
+    film::{Picture, RgbFilm, image_file::LinearImage},
+    integrator::{Integrator, Observer, RenderError, Samples, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
     math::display::{LuminanceMode, luminance},
     objective::{
@@ -222,6 +223,20 @@ impl MeasuredPicture {
         let lights = (0..n_lights).map(|_| image()).collect::<Option<_>>()?;
         let replicates = (0..n_replicates).map(|_| image()).collect::<Option<_>>()?;
         Some(Self { picture: Picture { width, height, rgb, lights }, replicates, exposure, luminance })
+    }
+
+    /// The mean picture for people to look at, denoised where there are features to do it by and replicates
+    /// for two halves.
+    #[must_use]
+    pub fn shown(&self, features: Option<&Features>) -> LinearImage {
+        let Picture { width, height, ref rgb, .. } = self.picture;
+        let (first, second) = self.replicates.split_at(self.replicates.len() / 2);
+        let denoised = features.filter(|_| !first.is_empty()).map(|features| {
+            let [a, b] =
+                [first, second].map(|half| [mean(&half.iter().map(Vec::as_slice).collect::<Vec<_>>())]);
+            denoise(features, [&a, &b]).remove(0)
+        });
+        LinearImage { width, height, rgb: denoised.unwrap_or_else(|| rgb.clone()) }
     }
 
     /// Display luminance of the mean picture.

@@ -18,7 +18,10 @@ use super::{
 use crate::{
     audit::{AuditError, RunDir, products::Products},
     files::atomic::{probe, sweep},
-    integrator::{View, aov},
+    integrator::{
+        View,
+        aov::{self, Features},
+    },
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
     scene::Scene,
     variables::{Fitted, Survey},
@@ -56,7 +59,20 @@ pub fn run(
     let deadline = Deadline::new(start, options.time_limit);
     let (fitted, aovs, products) = (&fitted, &aovs, &Products::new(options.products.as_deref()));
     let camera = &camera;
-    let stage = Stage { scene, camera, fitted, constraints, aovs, options, deadline, fingerprint, products };
+    let features = options.denoise.then(|| Features::trace(view));
+    let features = features.as_ref();
+    let stage = Stage {
+        scene,
+        camera,
+        fitted,
+        constraints,
+        aovs,
+        features,
+        options,
+        deadline,
+        fingerprint,
+        products,
+    };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {

@@ -81,6 +81,16 @@ impl Clone for RgbFilm {
     }
 }
 
+impl Picture {
+    /// The picture that the pictures of its lights add up to, of `size` columns and rows.
+    #[must_use]
+    pub fn of_lights([width, height]: [usize; 2], lights: Vec<Vec<[f32; 3]>>) -> Self {
+        let sum = |p: usize, c: usize| lights.iter().map(|l| f64::from(l[p][c])).sum::<f64>() as f32;
+        let rgb = (0..width * height).map(|p| std::array::from_fn(|c| sum(p, c))).collect();
+        Self { width, height, rgb, lights }
+    }
+}
+
 impl RgbFilm {
     /// A film of `size` pixels for a picture of each light at unit radiance, at its size in
     /// `lighting`, whose radiances and exposure only place the fixed-point scale of the splats.

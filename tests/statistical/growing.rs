@@ -1,6 +1,6 @@
 //! Pictures of several lightings that grow together, against a render of each.
 
-use glam::Vec3;
+use glam::{UVec2, Vec3};
 use lightopt_embree::{
     design::{
         growing::{Between, Grown, Wanted},
@@ -8,7 +8,7 @@ use lightopt_embree::{
         render::Renderer,
     },
     film::Picture,
-    integrator::{Integrator, IntegratorKind, View},
+    integrator::{Integrator, IntegratorKind, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
     math::{self, stats::Moments},
     objective::LuminanceMode,
@@ -137,5 +137,51 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
         println!("lighting {k}: told {:.5}, known {:.5}, z {z:.2}", told.mean().sqrt(), known.mean().sqrt());
         assert!(spread < 0.1 * known.mean(), "{spread}");
         assert!(z.abs() < 2.8, "{z}");
+    }
+}
+
+/// What is told is of the mean of two pictures that are denoised apart, and as much or a little more than the
+/// error of the picture that is denoised with all samples.
+#[test]
+fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
+    let mut scene = scene();
+    scene.camera = scene.camera.resized(UVec2::new(48, 36));
+    let kind = IntegratorKind::Path;
+    let display = Display { width: 48, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+    let y = |rgb: &[f32; 3]| math::display::luminance(*rgb);
+    let show = |y: f64| LuminanceMode::Srgb.encode(y, 1.0);
+    let features = Features::trace(View { scene: &scene, camera: &scene.camera });
+    let truth = grow(&scene, kind, 1_000_000, 1 << 12, &|| false);
+    for k in 0..2 {
+        let truth: Vec<f64> = truth.beauty(k).iter().map(|rgb| show(y(rgb))).collect();
+        let error = |picture: &[f64]| {
+            let squares = picture.iter().zip(&truth).map(|(&d, t)| (show(d) - t).powi(2));
+            squares.sum::<f64>() / truth.len() as f64
+        };
+        let [mut told, mut known, mut whole, mut noisy] = [Moments::default(); 4];
+        for seed in 0..24 {
+            let grown = grow(&scene, kind, seed, 16, &|| false);
+            let [a, b, c, d] =
+                grown.luminances(k).map(|y| y.into_iter().map(f64::from).collect::<Vec<f64>>());
+            let [first, second] =
+                grown.denoised_halves(k, &features).map(|half| half.iter().map(y).collect());
+            let [first, second]: [Vec<f64>; 2] = [first, second];
+            let mean: Vec<f64> = first.iter().zip(&second).map(|(a, b)| 0.5 * (a + b)).collect();
+            let noise = noise::of_denoised([&first, &second], [[&a, &b], [&c, &d]], display);
+            told.push(noise.whole.powi(2));
+            known.push(error(&mean));
+            whole.push(error(&grown.denoised(k, &features).rgb.iter().map(y).collect::<Vec<f64>>()));
+            noisy.push(error(&grown.beauty(k).iter().map(y).collect::<Vec<f64>>()));
+        }
+        let [told_rms, known_rms, whole_rms, noisy_rms] =
+            [told, known, whole, noisy].map(|moments| moments.mean().sqrt());
+        println!(
+            "{k}: told {told_rms:.5}, known {known_rms:.5}, of all {whole_rms:.5}, noisy {noisy_rms:.5}"
+        );
+        // The slope of the display's curve stands for the curve.
+        let spread = (told.variance_of_mean() + known.variance_of_mean()).sqrt();
+        let difference = (told.mean() - known.mean()).abs();
+        assert!(difference < 3.0 * spread + 0.1 * known.mean(), "lighting {k}");
+        assert!(whole_rms < 1.02 * known_rms && whole_rms < 0.6 * noisy_rms, "lighting {k}");
     }
 }

@@ -95,6 +95,8 @@ pub struct Settings {
     pub final_spp: u32,
     /// Error that noise may leave in the pictures shown.
     pub final_noise: f64,
+    /// Whether the pictures shown are denoised.
+    pub denoise: bool,
     /// Size of the pictures that are optimised, pixels.
     pub work_size: UVec2,
     /// Samples per pixel of the first transport basis.
@@ -116,6 +118,7 @@ impl Settings {
         size: UVec2::new(480, 360),
         final_spp: 192,
         final_noise: FINAL_NOISE,
+        denoise: true,
         work_size: UVec2::new(128, 96),
         spp: 12,
         tolerance: 0.005,
@@ -128,6 +131,7 @@ impl Settings {
         size: UVec2::new(160, 120),
         final_spp: 64,
         final_noise: FINAL_NOISE,
+        denoise: true,
         work_size: UVec2::new(64, 48),
         spp: 16,
         tolerance: 0.02,
@@ -145,6 +149,7 @@ impl Settings {
             size: args.pictures.size.unwrap_or(usual.size),
             final_spp: args.final_spp.unwrap_or(usual.final_spp),
             final_noise: args.pictures.final_noise,
+            denoise: !args.pictures.no_denoise,
             work_size,
             compared_size: usual.compared_size.min(work_size),
             max_evaluations: args.max_evaluations.unwrap_or(usual.max_evaluations),

@@ -103,6 +103,7 @@ impl Runner<'_> {
             spp: Some(self.settings.spp),
             final_spp: self.settings.final_spp,
             final_noise: self.settings.final_noise,
+            denoise: self.settings.denoise,
             free,
             seed: self.transport.seed,
             max_evaluations: self.settings.max_evaluations,
