@@ -92,7 +92,8 @@ fn pictures_of_a_run_are_shown_denoised_and_measured_as_they_are() {
 fn render_denoises_when_asked_and_the_same_on_any_number_of_threads() {
     let room = Room::new();
     let render = |output: &str, more: &[&str]| {
-        let mut arguments = vec!["render", "room.obj", "--size", "48x36", "--spp", "16", "-o", output];
+        let spp = if output == "truth.exr" { "1600" } else { "16" };
+        let mut arguments = vec!["render", "room.obj", "--size", "48x36", "--spp", spp, "-o", output];
         arguments.extend(more);
         room.succeed(&arguments);
     };
@@ -108,14 +109,16 @@ fn render_denoises_when_asked_and_the_same_on_any_number_of_threads() {
     assert_eq!(attribute["spp"], 16);
     shows(&room, "a.png", &a, "denoised", attribute["exposure"].as_f64().unwrap());
     // Against a picture of a hundred times the samples.
-    render("truth.exr", &["--spp", "1600", "--seed", "5"]);
+    render("truth.exr", &["--seed", "5"]);
     let truth = exr(&room, "truth.exr").beauty().unwrap();
-    let error = |rgb: Vec<[f32; 3]>| {
-        let y = |rgb: &[f32; 3]| luminance(*rgb);
-        rgb.iter().zip(&truth).map(|(a, b)| (y(a) - y(b)).powi(2)).sum::<f64>()
+    let errors = |rgb: Vec<[f32; 3]>| -> Vec<f64> {
+        rgb.iter().zip(&truth).map(|(a, b)| (luminance(*a) - luminance(*b)).abs()).collect()
     };
-    let (noisy, denoised) = (error(a.beauty().unwrap()), error(colours(a.part("denoised").unwrap())));
-    assert!(denoised < 0.5 * noisy, "{noisy} to {denoised}");
+    let noisy = errors(a.beauty().unwrap());
+    let denoised = errors(colours(a.part("denoised").unwrap()));
+    // Pixel by pixel, since the few at the rim of a lamp that is seen outweigh all others.
+    let nearer = noisy.iter().zip(&denoised).filter(|(noisy, denoised)| denoised < noisy).count();
+    assert!(3 * nearer > 2 * truth.len(), "{nearer} of {}", truth.len());
 }
 
 #[test]
