@@ -60,6 +60,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         work_size: UVec2::new(64, 48),
         spp: None,
         final_spp: 32,
+        final_noise: 0.02,
+        denoise: true,
         free: constraints.free.clone(),
         seed: 0,
         max_evaluations: 30,

@@ -32,6 +32,7 @@
 //! | [`lighting`] | what a picture of a scene varies, and what steers its samples |
 //! | [`film`] | contributions to pictures; EXR, PNG |
 //! | [`integrator`] | path tracing, bidirectional path tracing |
+//! | [`denoise`] | pictures without noise: a regression on features that keeps sums |
 //! | [`transport`] | the transport basis: one render from which every lighting follows |
 //! | [`variables`] | the free variables, their bounds, scales and starts |
 //! | [`objective`] | f_q, its terms, targets and signatures |
@@ -51,6 +52,8 @@
 //!
 //! - \[Acklam03\] P. Acklam, *An algorithm for computing the inverse normal cumulative
 //!   distribution function*, 2003.
+//! - \[Bitterli16\] B. Bitterli et al., *Nonlinearly Weighted First-order Regression for
+//!   Denoising Monte Carlo Renderings*, CGF 35(4), 2016.
 //! - \[BT709\] Recommendation ITU-R BT.709-6, 2015.
 //! - \[Burley20\] B. Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020.
 //! - \[DLMF\] NIST Digital Library of Mathematical Functions, <https://dlmf.nist.gov>.
@@ -93,6 +96,8 @@
 //!   Technometrics 3(4), 1961.
 //! - \[Lindbloom\] B. Lindbloom, *RGB/XYZ Matrices*, *Chromatic Adaptation*.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
+//! - \[Moon14\] B. Moon, N. Carr, S. Yoon, *Adaptive Rendering Based on Weighted Local
+//!   Regression*, ACM TOG 33(5), 2014.
 //! - \[More11\] J. Moré, S. Wild, *Estimating Computational Noise*, SIAM J. Sci. Comput.
 //!   33(3), 2011.
 //! - \[More12\] J. Moré, S. Wild, *Estimating Derivatives of Noisy Simulations*, ACM TOMS
@@ -114,6 +119,10 @@
 //! - \[Radiance\] G. Ward, *Radiance File Formats*.
 //! - \[Roberts18\] M. Roberts, *The Unreasonable Effectiveness of Quasirandom Sequences*,
 //!   2018.
+//! - \[Rousselle12\] F. Rousselle, C. Knaus, M. Zwicker, *Adaptive Rendering with Non-Local
+//!   Means Filtering*, ACM TOG 31(6), 2012.
+//! - \[Rousselle13\] F. Rousselle, M. Manzi, M. Zwicker, *Robust Denoising using Feature and
+//!   Color Information*, CGF 32(7), 2013.
 //! - \[Schlick94\] C. Schlick, *An Inexpensive BRDF Model for Physically-based Rendering*,
 //!   CGF 13(3), 1994.
 //! - \[Schucany71\] W. Schucany, H. Gray, D. Owen, *On Bias Reduction in Estimation*, JASA
@@ -148,6 +157,7 @@ pub mod audit;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;
+pub mod denoise;
 pub mod design;
 pub mod embree;
 pub mod export;

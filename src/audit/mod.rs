@@ -209,7 +209,7 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 12] = [
+    const NAMES: [&str; 13] = [
         MANIFEST,
         STAGING,
         BASIS,
@@ -221,6 +221,7 @@ fn is_ours(name: &str) -> bool {
         "initial.png",
         "final.exr",
         "final.png",
+        "found.png",
         "lights.toml",
     ];
     let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));

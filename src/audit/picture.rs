@@ -1,6 +1,8 @@
 //! Pictures of a run as EXR: part `rgb` (the beauty), `luminance` (`l`, as
-//! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`, and
-//! `light.NAME` for the share of each light.
+//! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`,
+//! `light.NAME` for the share of each light, `replicates` (linear luminance
+//! of each replicate) where f_q is measured on those, and `denoised` with
+//! `denoised.light.NAME` where noise was removed.
 
 use serde_json::Value;
 
@@ -36,6 +38,22 @@ pub fn exr(
     ];
     parts.extend(light_names.iter().zip(&picture.lights).map(|(n, l)| ExrPart::rgb(format!("light.{n}"), l)));
     ExrImage { width: picture.width, height: picture.height, parts, lightopt: Some(attribute) }
+}
+
+/// The part that holds the linear luminance of each replicate of a picture, in the channels `Y0`, `Y1` …
+#[must_use]
+pub fn replicates(luminances: impl IntoIterator<Item = Vec<f32>>) -> ExrPart {
+    let channels = luminances.into_iter().enumerate().map(|(r, y)| (format!("Y{r}"), y)).collect();
+    ExrPart { name: "replicates".into(), channels }
+}
+
+/// The parts that hold a denoised picture and its lights: `denoised` and `denoised.light.NAME`.
+#[must_use]
+pub fn denoised(picture: &Picture, light_names: &[&str]) -> Vec<ExrPart> {
+    let lights = light_names.iter().zip(&picture.lights);
+    std::iter::once(ExrPart::rgb("denoised", &picture.rgb))
+        .chain(lights.map(|(name, light)| ExrPart::rgb(format!("denoised.light.{name}"), light)))
+        .collect()
 }
 
 /// Radiance of a picture without its parts, to be written as PNG.

@@ -1,10 +1,11 @@
 //! Description of the scene of a stored basis: enough to light it again and to vary it without the
 //! scene's files.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    integrator::aov::Aovs,
+    integrator::aov::{Aovs, Features},
     lighting::Lighting,
     math::display::LuminanceMode,
     objective::{Objective, ObjectiveError, Target},
@@ -29,6 +30,46 @@ pub struct About {
     pub mask: Vec<usize>,
     /// Variables of the run that rendered the basis.
     pub variables: Vec<StoredVariable>,
+    /// What the camera sees, by which pictures are denoised; `None` in bases of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub features: Option<StoredFeatures>,
+}
+
+/// What the camera sees in each pixel, row by row: seven little-endian f32, in Base64.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct StoredFeatures(String);
+
+impl StoredFeatures {
+    /// Numbers of a pixel: albedo, normal, disparity.
+    const NUMBERS: usize = 7;
+
+    /// Features as they are stored.
+    #[must_use]
+    pub fn new(features: &Features) -> Self {
+        let Features { albedo, normal, disparity, .. } = features;
+        let pixels = albedo.iter().zip(normal).zip(disparity);
+        let numbers = pixels.flat_map(|((a, n), d)| a.iter().chain(n).chain([d]));
+        Self(BASE64_STANDARD.encode(numbers.flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()))
+    }
+
+    /// The features of a picture of this size; `None` where they are not of as many pixels, or no numbers.
+    #[must_use]
+    pub fn read(&self, [width, height]: [usize; 2]) -> Option<Features> {
+        let bytes = BASE64_STANDARD.decode(&self.0).ok()?;
+        let numbers: Vec<f32> = bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        if bytes.len() != 4 * Self::NUMBERS * width * height || !numbers.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        let pixels = numbers.as_chunks::<{ Self::NUMBERS }>().0;
+        Some(Features {
+            width,
+            height,
+            albedo: pixels.iter().map(|&[r, g, b, ..]| [r, g, b]).collect(),
+            normal: pixels.iter().map(|&[_, _, _, x, y, z, _]| [x, y, z]).collect(),
+            disparity: pixels.iter().map(|p| p[Self::NUMBERS - 1]).collect(),
+        })
+    }
 }
 
 /// A variable as it is stored, by its name.
@@ -47,7 +88,7 @@ pub struct StoredVariable {
 }
 
 impl About {
-    /// Description of a scene, the lighting of what does not vary, and the variables.
+    /// Description of a scene, the lighting of what does not vary, and the variables, without features.
     #[must_use]
     pub fn new(
         scene: &Scene,
@@ -84,6 +125,7 @@ impl About {
                     scale: v.scale,
                 })
                 .collect(),
+            features: None,
         }
     }
 
@@ -138,6 +180,23 @@ mod tests {
     use crate::transport::{Layout, SizeBins, ValueNodes};
 
     #[test]
+    fn features_come_back_exactly_and_those_of_another_size_do_not() {
+        let features = Features {
+            width: 2,
+            height: 1,
+            albedo: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
+            normal: vec![[0.0, 1.0, 0.0], [0.6, 0.0, 0.8]],
+            disparity: vec![0.25, 0.0],
+        };
+        let stored = StoredFeatures::new(&features);
+        assert_eq!(format!("{:?}", stored.read([2, 1])), format!("{:?}", Some(&features)));
+        assert!(stored.read([1, 1]).is_none() && stored.read([2, 2]).is_none());
+        assert!(StoredFeatures("not Base64".into()).read([2, 1]).is_none());
+        let nan = Features { disparity: vec![f32::NAN; 2], ..features };
+        assert!(StoredFeatures::new(&nan).read([2, 1]).is_none());
+    }
+
+    #[test]
     fn a_mask_whose_lengths_wrap_around_does_not_fit() {
         let layout = Layout::new((3, 2).into(), vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 1));
         let basis = TransportBasis::new(layout, 1);
@@ -149,6 +208,7 @@ mod tests {
             luminance: LuminanceMode::Srgb,
             mask: mask.into(),
             variables: Vec::new(),
+            features: None,
         };
         assert!(about(&[2, 4]).fits(&basis));
         assert!(!about(&[2, 3]).fits(&basis));

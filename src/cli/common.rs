@@ -16,6 +16,7 @@ use super::{
 use crate::{
     audit::lights::LightsFile,
     camera::{MAX_PIXELS, is_film_size},
+    design::noise::FINAL_NOISE,
     import::{self, LoadOptions, Loaded, sidecar::CameraName},
     integrator::{Integrator, IntegratorKind},
     lighting::{Lighting, MAX_EXPOSURE},
@@ -115,6 +116,17 @@ pub struct PictureArgs {
     /// Size of the pictures that are optimised, pixels [default: 128 wide]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub work_size: Option<UVec2>,
+
+    /// Error that noise may leave in the final picture, a root mean square of brightness from 0 (black) to
+    /// 1 (white), over the whole and half of that in its worst sixteenth: no more samples are taken then.
+    /// With 0 all of --final-spp are
+    #[arg(long, value_name = "ERROR", default_value_t = FINAL_NOISE, value_parser = parse_noise)]
+    pub final_noise: f64,
+
+    /// Show pictures with their noise: PNGs are of the samples as they are, and --final-noise is that of
+    /// those
+    #[arg(long)]
+    pub no_denoise: bool,
 }
 
 impl TransportArgs {
@@ -199,6 +211,14 @@ pub fn parse_size(text: &str) -> Result<UVec2, String> {
     parsed.ok_or_else(|| {
         format!("must be WIDTHxHEIGHT in pixels, such as 640x480, at most {MAX_PIXELS} pixels")
     })
+}
+
+/// Parses an error that noise may leave.
+fn parse_noise(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(error) if (0.0..=1.0).contains(&error) => Ok(error),
+        _ => Err("must be a number from 0 to 1".to_owned()),
+    }
 }
 
 /// Parses a number of samples.
@@ -308,6 +328,15 @@ mod tests {
         assert_eq!(parse_size("64x48"), Ok(UVec2::new(64, 48)));
         for bad in ["64", "0x4", "4x", "-1x4", "65536x65536", "axb"] {
             assert!(parse_size(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn noise_is_a_part_of_white() {
+        assert_eq!(parse_noise("0.02"), Ok(0.02));
+        assert_eq!(parse_noise("0"), Ok(0.0));
+        for bad in ["-0.1", "1.5", "nan", "x", ""] {
+            assert!(parse_noise(bad).is_err(), "{bad}");
         }
     }
 

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::common::{say_look, say_notes};
 use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
-use crate::objective::{Evaluation, Goal, LuminanceMode, Objective, Target};
+use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Objective, Replicates, Target};
 use crate::photo::Look;
 use crate::picture::{Picture, Purpose, Reading};
 
@@ -29,7 +29,9 @@ const MEASURED: usize = 9;
 /// to 1 (display white).
 ///
 /// EXR pictures written by this program bring target, mask, exposure and luminance mode;
-/// options override them. Any other picture needs --target and --mask.
+/// options override them. Any other picture needs --target and --mask. Final pictures of a run
+/// bring replicates, from which f_q and terms are freed of the bias of noise; f_q_picture is that of
+/// the picture as it is.
 ///
 /// A photograph may be the target: its brightness histogram is the signature. With --target-mask all
 /// terms are measured on it, without only the histogram counts. It is reduced to the size of IMAGE.
@@ -93,6 +95,23 @@ struct Subject {
     recorded: Option<f64>,
 }
 
+/// What was measured of a picture.
+struct Measured {
+    /// f_q and its terms, from the replicates where there are any.
+    evaluation: Evaluation,
+    /// Of a picture with replicates: the error of that f_q, and f_q of the picture as it is.
+    of_picture: Option<OfPicture>,
+}
+
+/// What is told of a picture with replicates.
+struct OfPicture {
+    /// Half width of the 95 % interval of the f_q that is freed of noise bias, plus the size of its noise
+    /// correction.
+    error: f64,
+    /// f_q of the picture as it is, noise included.
+    f_q: f64,
+}
+
 /// Runs the subcommand.
 ///
 /// # Errors
@@ -102,11 +121,11 @@ pub fn evaluate(args: &EvaluateArgs) -> anyhow::Result<()> {
     let mask = args.target_mask.as_deref();
     let look = args.target.as_deref().map(|spec| Look::resolve(spec, mask)).transpose()?;
     let subject = load(args, look)?;
-    let evaluation = measure(&subject, args)?;
+    let measured = measure(&subject, args)?;
     if args.json {
-        print_json(&to_json(&subject, &evaluation))
+        print_json(&to_json(&subject, &measured))
     } else {
-        print(&to_table(&subject, &evaluation, &args.image))
+        print(&to_table(&subject, &measured, &args.image))
     }
 }
 
@@ -117,6 +136,7 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
         layer: args.layer.as_deref(),
         kept: MEASURED,
         own_mask: args.mask.is_none(),
+        own_replicates: args.layer.is_none(),
         ..Reading::of(Purpose::Light)
     };
     let mut picture = Picture::read(path, &reading)?;
@@ -174,11 +194,14 @@ fn stored(path: &Path, picture: &Picture) -> anyhow::Result<Stored> {
     Ok(stored)
 }
 
-fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Evaluation> {
-    let Picture { width, height, .. } = subject.picture;
-    let brightness = |i| subject.luminance.encode(subject.picture.luminance(i), subject.exposure);
-    let l: Vec<f64> = (0..subject.picture.n_pixels()).map(brightness).collect();
-    if let Some(i) = l.iter().position(|l| l.is_nan()) {
+fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
+    let Subject { picture, luminance, exposure, .. } = subject;
+    let Picture { width, height, .. } = *picture;
+    let brightness = |i| luminance.encode(picture.luminance(i), *exposure);
+    let l: Vec<f64> = (0..picture.n_pixels()).map(brightness).collect();
+    let linear: Vec<Vec<f64>> =
+        picture.replicates.iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect();
+    if let Some(i) = [&l].into_iter().chain(&linear).find_map(|l| l.iter().position(|l| l.is_nan())) {
         let (x, y) = (i % width, i / width);
         bail!("{}: the pixel at column {x}, row {y} is not a number", args.image.display());
     }
@@ -186,10 +209,17 @@ fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Evaluation>
     let mask = args.mask.as_ref().unwrap_or(&args.image);
     let objective = Objective::new(&subject.target, width, height, &subject.mask.object)
         .with_context(|| mask.display().to_string())?;
-    Ok(objective.evaluate(&l))
+    let plain = objective.evaluate(&l);
+    if linear.is_empty() {
+        return Ok(Measured { evaluation: plain, of_picture: None });
+    }
+    let replicates = Replicates { linear: &linear, luminance: *luminance, exposure: *exposure };
+    let estimate = replicates.measure(&objective, LABELLINGS)?;
+    let of_picture = OfPicture { error: estimate.error_bar(), f_q: plain.f_q };
+    Ok(Measured { evaluation: estimate.evaluation, of_picture: Some(of_picture) })
 }
 
-fn to_json(subject: &Subject, evaluation: &Evaluation) -> Value {
+fn to_json(subject: &Subject, Measured { evaluation, of_picture }: &Measured) -> Value {
     let mut value = json!({
         "f_q": evaluation.f_q,
         "terms": evaluation.terms_json(),
@@ -197,13 +227,18 @@ fn to_json(subject: &Subject, evaluation: &Evaluation) -> Value {
         "exposure": subject.exposure,
         "luminance": subject.luminance,
     });
+    if let Some(OfPicture { error, f_q }) = of_picture {
+        value["f_q_error"] = json!(error);
+        value["f_q_picture"] = json!(f_q);
+    }
     if let Some(recorded) = subject.recorded {
         value["f_q_recorded"] = json!(recorded);
     }
     value
 }
 
-fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
+fn to_table(subject: &Subject, measured: &Measured, path: &Path) -> String {
+    let Measured { evaluation, of_picture } = measured;
     let object = subject.mask.object.iter().filter(|&&o| o).count();
     let mut text = format!(
         "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, {} luminance\n\n",
@@ -245,6 +280,13 @@ fn to_table(subject: &Subject, evaluation: &Evaluation, path: &Path) -> String {
         );
     }
     let _ = writeln!(text, "f_q {:>1$.6}", evaluation.f_q, wide + 46);
+    if let Some(OfPicture { error, f_q }) = of_picture {
+        let _ = writeln!(
+            text,
+            "\nfrom {} replicates, freed of noise bias: ± {error:.6}\nf_q_picture {f_q:.6}, of the picture as it is",
+            subject.picture.replicates.len()
+        );
+    }
     if let Some(recorded) = subject.recorded {
         let _ = writeln!(text, "\nrecorded in the file: f_q {recorded:.6}");
     }

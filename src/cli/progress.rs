@@ -129,7 +129,7 @@ impl Reporter for Console {
             return;
         }
         let template = match rows {
-            Some(_) => "{msg} [{bar:30}] {percent} %, {eta} left",
+            Some(_) => "{msg} [{bar:20}] {percent} %, {eta} left",
             None => "{spinner} {wide_msg}",
         };
         let bar = ProgressBar::with_draw_target(rows, ProgressDrawTarget::hidden());
@@ -140,6 +140,14 @@ impl Reporter for Console {
         self.replace_bar(Some(bar));
     }
 
+    fn progress(&self, text: &str) {
+        if !self.is_terminal {
+            self.line(text);
+        } else if let Ok(Some(bar)) = self.bar.lock().as_deref() {
+            bar.set_message(output::one_line(text).into_owned());
+        }
+    }
+
     fn evaluated(&self, p: &Progress) {
         let elapsed = self.stage.lock().map_or(0.0, |s| s.start.elapsed().as_secs_f64());
         let left = elapsed / f64::from(p.evaluation) * f64::from(p.max_evaluations - p.evaluation);
@@ -148,10 +156,6 @@ impl Reporter for Console {
             "evaluation {}/{}: f_q {:.4}, best {:.4}, {} renders, at most {left:.0} s left",
             p.evaluation, p.max_evaluations, p.f_q, p.best, p.renders
         );
-        if !self.is_terminal {
-            self.line(&text);
-        } else if let Ok(Some(bar)) = self.bar.lock().as_deref() {
-            bar.set_message(text);
-        }
+        Reporter::progress(self, &text);
     }
 }

@@ -35,6 +35,10 @@ pub struct RelightArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 
+    /// Remove noise from the picture that is shown: the PNG, or parts of the EXR beside the noisy ones
+    #[arg(long)]
+    pub denoise: bool,
+
     /// Which brightness goes into the EXR's luminance [default: as stored]
     #[arg(long, value_enum)]
     pub luminance: Option<LuminanceArg>,
@@ -71,6 +75,21 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
     }
     let exposure = x.exposure;
     let shown = basis.picture(&x);
+    let denoised = match (args.denoise, &about.features) {
+        (false, _) => None,
+        (true, None) => bail!(
+            "{}: the basis does not say what the camera sees, without which nothing is denoised; `run` it anew",
+            args.basis.display()
+        ),
+        (true, Some(features)) => {
+            let size = [shown.width, shown.height];
+            let denoised = features.read(size).and_then(|features| basis.denoised(&x, &features));
+            match denoised {
+                None => bail!("{}: the basis cannot be denoised", args.basis.display()),
+                denoised => denoised,
+            }
+        }
+    };
     if is_exr {
         let mode = args.luminance.map_or(about.luminance, Into::into);
         let n = shown.rgb.len();
@@ -94,9 +113,10 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
         let mut image = picture::exr(&shown, &aovs, &names, exposure, mode, attribute);
         // A basis knows nothing of surfaces.
         image.parts.retain(|p| !["albedo", "normal", "depth"].contains(&p.name.as_str()));
+        image.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
         write_exr(&args.output, &image)?;
     } else {
-        write_png(&args.output, &picture::beauty(&shown), exposure)?;
+        write_png(&args.output, &picture::beauty(denoised.as_ref().unwrap_or(&shown)), exposure)?;
     }
     print(&format!("{}\n", args.output.display()))
 }

@@ -19,6 +19,7 @@ use crate::{
     audit::picture,
     design::{
         Reporter,
+        growing::Wanted,
         render::{Budget, PassedPicture, Renderer},
     },
     files::atomic::probe,
@@ -26,7 +27,10 @@ use crate::{
         exr::{write_exr, write_exr_plain},
         image_file::write_png,
     },
-    integrator::{Observer, View, aov},
+    integrator::{
+        Observer, View,
+        aov::{self, Features},
+    },
     lighting::SamplingPlan,
     math::display::LuminanceMode,
 };
@@ -36,7 +40,8 @@ use crate::{
 /// An EXR holds linear radiance with the object mask, albedo, normals, depth and the share of
 /// each light; a PNG is encoded for display.
 ///
-/// With the lights.toml, seed, --size and --final-spp of a run this makes its final picture again.
+/// With the lights.toml of a run this shows what its final picture shows, but for noise: it has samples of
+/// its own.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree render -o basket.png fruit_basket.obj\n  \
@@ -68,6 +73,11 @@ pub struct RenderArgs {
     /// Factor on linear radiance before display [default: the lighting's, else the sidecar's]
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
+
+    /// Remove noise from the picture that is shown: the PNG, or parts of the EXR beside the noisy ones. The
+    /// samples, no less than 4, are then those of four replicates
+    #[arg(long)]
+    pub denoise: bool,
 
     /// File to write: .exr or .png [default: SCENE.exr]
     #[arg(short, long, value_name = "FILE")]
@@ -116,18 +126,26 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             sampler: args.transport.sampler,
             luminance: LuminanceMode::Srgb,
         };
-        let budget = Budget { seed: args.transport.seed, spp: args.spp, n_replicates: 1 };
         let plan = SamplingPlan::for_picture(&lighting);
         let is_over = || console.cancelled();
-        let PassedPicture { picture, spp } =
-            renderer.render_in_passes(view, &lighting, &plan, budget, &is_over, &console)?;
-        let is_whole = spp == args.spp;
+        let seed = args.transport.seed;
+        let (picture, spp, denoised) = if args.denoise {
+            let wanted = Wanted { view, lightings: &[&lighting], plan: &plan, seed, spp: args.spp };
+            let grown = renderer.grow(&wanted, &is_over, &console)?;
+            (grown.picture(0), grown.spp(), Some(grown.denoised(0, &Features::trace(view))))
+        } else {
+            let budget = Budget { seed, spp: args.spp, n_replicates: 1 };
+            let PassedPicture { picture, spp } =
+                renderer.render_in_passes(view, &lighting, &plan, budget, &is_over, &console)?;
+            (picture, spp, None)
+        };
+        let is_whole = spp >= args.spp;
         if !is_whole {
             console.note(&format!("{spp} of {} samples a pixel", args.spp));
         }
         let exposure = lighting.exposure;
         if is_png {
-            write_png(&output, &picture::beauty(&picture), exposure)?;
+            write_png(&output, &picture::beauty(denoised.as_ref().unwrap_or(&picture)), exposure)?;
         } else {
             let names = scene.light_names();
             let mut attribute = json!({
@@ -143,7 +161,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             if !is_whole {
                 attribute["incomplete"] = true.into();
             }
-            let exr = picture::exr(&picture, &aovs, &names, exposure, renderer.luminance, attribute);
+            let mut exr = picture::exr(&picture, &aovs, &names, exposure, renderer.luminance, attribute);
+            exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
             if is_whole { write_exr(&output, &exr) } else { write_exr_plain(&output, &exr) }?;
         }
         Ok(())

@@ -56,7 +56,8 @@ use crate::{
     lightopt-embree run --work-size 64x48 --size 320x240 --final-spp 64 --json fruit_basket.obj\n  \
     lightopt-embree run --resume runs/fruit_basket-high-key\n\n\
     The run directory holds final.png, final.exr, lights.toml (for `render --lights`), an EXR\n\
-    per iteration, run.toml with all options, and logs of every evaluation.\n\
+    per iteration, run.toml with all options, and logs of every evaluation. A small picture of\n\
+    the lights found, found.png, is there at once; final.png gets better as samples come.\n\
     Ctrl-C, SIGTERM or SIGHUP ends the run within two seconds and keeps what is found: lights.toml,\n\
     the record, and the final picture as far as it is; twice quits at once. `run --resume DIR` goes\n\
     on.\n\
@@ -103,7 +104,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,
 
-    /// Samples per pixel of the final picture
+    /// Samples per pixel of the final picture at most, no less than 4; --final-noise ends it sooner
     #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
     pub final_spp: u32,
 
@@ -141,7 +142,8 @@ pub struct RunArgs {
     #[arg(long)]
     pub keep_basis: bool,
 
-    /// Most memory of the transport basis: fewer size knots are kept if it needs more
+    /// Most memory of the transport basis: fewer size knots are kept if it needs more; and of the final
+    /// pictures of the start and all looks, which otherwise are not all rendered together
     #[arg(long, value_name = "BYTES", default_value = "2G", value_parser = parse_bytes)]
     pub memory: u64,
 
@@ -284,6 +286,8 @@ fn work(
             work_size,
             spp: args.spp,
             final_spp: args.final_spp,
+            final_noise: args.pictures.final_noise,
+            denoise: !args.pictures.no_denoise,
             free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
@@ -360,7 +364,11 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
         "f_q_error": r.check.error_bar(),
-        "f_q_final": r.last.as_ref().map(|last| last.f_q),
+        "f_q_final": r.last.as_ref().map(|last| last.estimate.evaluation.f_q),
+        "f_q_final_error": r.last.as_ref().map(|last| last.estimate.error_bar()),
+        "f_q_picture": r.last.as_ref().map(|last| last.f_q_picture),
+        "final_noise": r.last.as_ref().map(|last| last.noise.error()),
+        "final_spp": r.last.as_ref().map(|last| last.spp),
         "terms": r.check.evaluation.terms_json(),
         "x": r.variables.named(&r.x),
         "renders": r.renders,
@@ -386,9 +394,18 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         r.check.error_bar(),
         r.last.as_ref().map_or_else(
             || "no final picture".to_owned(),
-            |last| format!("{:.4} in the final picture", last.f_q)
+            |last| format!("{:.4} in the final picture", last.estimate.evaluation.f_q)
         )
     );
+    if let Some(last) = &r.last {
+        let _ = writeln!(
+            text,
+            "final picture: {} samples a pixel, noise {:.4}, f_q {:.4} with the noise",
+            last.spp,
+            last.noise.error(),
+            last.f_q_picture
+        );
+    }
     let _ = writeln!(
         text,
         "{} evaluations, {} renders, {:.0} s; stopped because {}\n",

@@ -12,7 +12,6 @@ use rayon::prelude::*;
 use super::{
     Reporter, RunError, check,
     look::{LookSearch, MAX_REFOCUS, Spent, Step, evaluators, start_line},
-    pictures,
     precision::{MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
     seeds::{Purpose, seed_for},
@@ -138,7 +137,7 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
         let now = self.focused.as_ref().unwrap_or(self.basis);
         let cancelled = || setup.search_is_over(reporter);
         self.open.par_iter_mut().try_for_each(|look| look.advance(step, now, setup, &cancelled))?;
-        self.open.iter().try_for_each(|look| pictures::write_lights(look.task, &look.best.u, setup))?;
+        self.open.iter().try_for_each(|look| look.write(now, setup))?;
         self.open.iter_mut().try_for_each(|look| look.log_time("refine", clock))
     }
 
@@ -235,9 +234,9 @@ fn begin_searches<'t, 'a>(
             best.estimate.error_bar()
         ));
         task.dir.log_starts(trials.iter().map(|t| start_line(t, setup.variables)))?;
-        // What is found so far, whatever may come.
-        pictures::write_lights(task, &best.u, setup)?;
         let mut look = LookSearch { index, task, best: best.clone(), evaluations, trials, searched: 0 };
+        // What is found so far, whatever may come.
+        look.write(basis, setup)?;
         look.log_time("search", clock)?;
         looks.push(look);
     }

@@ -75,7 +75,7 @@ struct Growth {
 
 impl Growth {
     /// Takes up films, and how far they have got, where an earlier attempt has kept them.
-    fn take_up<const N: usize>(&mut self, films: &mut [RgbFilm<N>], kept: Option<Vec<u8>>) {
+    fn take_up(&mut self, films: &mut [RgbFilm], kept: Option<Vec<u8>>) {
         let Some(kept) = kept else { return };
         let Some((numbers, mut rest)) = kept.split_first_chunk::<16>() else { return };
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| numbers[at + i]));
@@ -88,7 +88,7 @@ impl Growth {
         *self = Self { first: number(0), wanted: number(4), renders: u64::from(number(8)) };
     }
 
-    fn write<const N: usize>(self, films: &[RgbFilm<N>], out: &mut dyn Write) -> io::Result<()> {
+    fn write(self, films: &[RgbFilm], out: &mut dyn Write) -> io::Result<()> {
         for number in [self.first, self.wanted, self.renders as u32, 0] {
             out.write_all(&number.to_le_bytes())?;
         }
@@ -112,8 +112,8 @@ fn check_nodes<const N: usize>(
     let plan = sampling(foci, setup, values.0[0]);
     let renderer = setup.renderer();
 
-    let film = || RgbFilm::<N>::by_lighting(setup.camera.size(), &lightings);
-    let mut films: Vec<RgbFilm<N>> = (0..REPLICATES).map(|_| film()).collect();
+    let film = || RgbFilm::by_lighting(setup.camera.size(), &lightings);
+    let mut films: Vec<RgbFilm> = (0..REPLICATES).map(|_| film()).collect();
     let is_over = || reporter.cancelled() || setup.deadline.has_passed(Deadline::CHECK);
     let mut growth = Growth { wanted: spp.div_ceil(REPLICATES as u32).max(1), ..Growth::default() };
     let key = {
@@ -122,7 +122,7 @@ fn check_nodes<const N: usize>(
         Products::key(&words, &[samples_key(&setup, setup.camera, &plan, seed)])
     };
     growth.take_up(&mut films, setup.products.load(key, KIND));
-    let keep = |growth: Growth, films: &[RgbFilm<N>]| {
+    let keep = |growth: Growth, films: &[RgbFilm]| {
         setup.products.save(key, KIND, |text| reporter.note(text), |out| growth.write(films, out));
     };
     loop {
@@ -190,15 +190,15 @@ fn sampling(foci: &[Focus], setup: Setup, largest_value: f32) -> SamplingPlan {
 }
 
 /// f_q of the picture of the lighting at `node`, from films of `samples` samples per pixel each.
-fn measure<const N: usize>(
-    films: &[RgbFilm<N>],
+fn measure(
+    films: &[RgbFilm],
     node: usize,
     samples: u32,
     objective: &Objective,
     setup: Setup,
     lighting: &Lighting,
 ) -> Result<JackknifeEstimate, ObjectiveError> {
-    let pixel = |film: &RgbFilm<N>, p| luminance(film.sum(p, node).map(|v| (v / f64::from(samples)) as f32));
+    let pixel = |film: &RgbFilm, p| luminance(film.sum(p, node).map(|v| (v / f64::from(samples)) as f32));
     let n = setup.camera.size().element_product() as usize;
     let linear: Vec<Vec<f64>> = films.iter().map(|film| (0..n).map(|p| pixel(film, p)).collect()).collect();
     let (luminance, exposure) = (setup.options.luminance, lighting.exposure);

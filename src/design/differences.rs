@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{
     Progress, Reporter, RunError,
     observer::Unstoppable,
-    pictures::{attribute, write_lights},
+    pictures::{attribute, write_found},
     precision::{MAX_SAMPLES, Precision},
     products::picture_key,
     render::{Budget, MeasuredPicture},
@@ -127,6 +127,9 @@ pub(super) fn find(
     let mut search =
         DifferenceSearch { setup, task, renders, reporter, spp, step, evaluations, iterations, best };
     let (u, stop) = search.descend()?;
+    if search.best.is_none() {
+        write_found(search.task, &u, None, setup)?;
+    }
     let evaluations = search.evaluations;
     let n_pixels = setup.options.work_size.element_product();
     let spp = match stop {
@@ -359,7 +362,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         }))?;
         if self.best.as_ref().is_none_or(|(best, _)| f_q < *best) {
             self.record_iteration(u, line, &rendered, &measured.plain)?;
-            write_lights(self.task, u, self.setup)?;
+            write_found(self.task, u, Some(&rendered.shown(self.setup.features)), self.setup)?;
             self.best = Some((f_q, u.to_vec()));
         }
         self.reporter.evaluated(&Progress {

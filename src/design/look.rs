@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::{
     RunError, attainable,
     evaluator::Evaluator,
-    pictures::attribute,
+    pictures::{attribute, write_found},
     precision::{AIMED_SAMPLES, MAX_SAMPLES, MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
     setup::{Found, Setup, Task},
@@ -148,6 +148,12 @@ impl LookSearch<'_, '_> {
         Ok(())
     }
 
+    /// Writes the best lights so far, with their picture from the basis.
+    pub fn write(&self, now: &WorkingBasis, setup: Setup) -> Result<(), RunError> {
+        let u = &self.best.u;
+        write_found(self.task, u, Some(&now.shown(&setup.lighting(u), setup.features)), setup)
+    }
+
     /// Writes the record and finds the range of each term; `cut_short` is the reason if the search was ended
     /// before it was done.
     pub fn finish(
@@ -158,6 +164,7 @@ impl LookSearch<'_, '_> {
         cut_short: Option<StopReason>,
     ) -> Result<(usize, Found), RunError> {
         let clock = Instant::now();
+        self.write(now, setup)?;
         record(now, &self.best, setup, self.task)?;
         self.log_time("record", clock)?;
         let clock = Instant::now();

@@ -73,6 +73,8 @@ struct Options<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     spp: Option<u32>,
     final_spp: u32,
+    final_noise: f64,
+    denoise: bool,
     free: &'a FreeKinds,
     seed: u64,
     max_evaluations: u32,
@@ -147,6 +149,8 @@ pub(super) fn text(
             work_size: options.work_size.to_array(),
             spp: options.spp,
             final_spp: options.final_spp,
+            final_noise: options.final_noise,
+            denoise: options.denoise,
             free: &options.free,
             seed: options.seed,
             max_evaluations: options.max_evaluations,

@@ -1,8 +1,8 @@
 //! Lighting design: from a scene and a target to the lights that meet it.
 //!
 //! One direction: survey (bounds and start) ─▶ optimisation at the working
-//! size ─▶ check render ─▶ final render, all recorded in a run directory per
-//! target. Optimisation is on the [transport basis](crate::transport), where
+//! size ─▶ check render ─▶ one render of all final pictures, all recorded in a run
+//! directory per target. Optimisation is on the [transport basis](crate::transport), where
 //! several targets share all renders, or in paper mode by finite differences of
 //! fresh renders.
 //! Every stage draws from seeds of its own, so that what is reported comes
@@ -15,8 +15,10 @@ mod coordinates;
 mod deadline;
 mod differences;
 pub mod evaluator;
+pub mod growing;
 mod look;
 pub mod manifest;
+pub mod noise;
 mod observer;
 mod options;
 mod pictures;
@@ -30,5 +32,5 @@ mod setup;
 mod working_basis;
 
 pub use observer::{Progress, Reporter};
-pub use options::{Gradient, Job, RunError, RunOptions, RunReport, Subject};
+pub use options::{FinalPicture, Gradient, Job, RunError, RunOptions, RunReport, Subject};
 pub use run::run;

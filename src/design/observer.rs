@@ -8,6 +8,10 @@ pub trait Reporter: Observer {
     fn note(&self, text: &str);
     /// Called when a stage begins, with the number of rows of pixels that it will render, if known.
     fn stage(&self, name: &str, rows: Option<u64>);
+    /// Called with the name of the present stage and how far it has got.
+    fn progress(&self, text: &str) {
+        self.note(text);
+    }
     /// Called after each evaluation of f_q in paper mode.
     fn evaluated(&self, progress: &Progress);
 }

@@ -8,7 +8,7 @@ use std::{
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use super::attainable::Reach;
+use super::{attainable::Reach, noise::Noise};
 use crate::{
     audit::AuditError,
     files::number::Bytes,
@@ -16,7 +16,7 @@ use crate::{
     integrator::{Integrator, RenderError},
     lighting::Lighting,
     math::display::LuminanceMode,
-    objective::{Evaluation, JackknifeEstimate, ObjectiveError, Target},
+    objective::{JackknifeEstimate, ObjectiveError, Target},
     optim::{OptimError, StopReason},
     sampler::SamplerKind,
     scene::Scene,
@@ -73,7 +73,8 @@ pub struct RunOptions {
     pub time_limit: Option<Duration>,
     /// Directory that keeps bases for later runs; `None` to keep none.
     pub cache: Option<PathBuf>,
-    /// Upper bound of the memory of transport bases, bytes.
+    /// Upper bound of the memory of transport bases, bytes, and of the final pictures that are rendered
+    /// together; one is rendered in any case.
     pub memory: u64,
     /// Integrator with its options.
     pub integrator: Integrator,
@@ -88,8 +89,13 @@ pub struct RunOptions {
     /// Samples per pixel of the first basis, or of every working render in paper mode; `None` for a fixed
     /// number for the former, and for as many as the tolerance needs for the latter.
     pub spp: Option<u32>,
-    /// Samples per pixel of the final picture.
+    /// Samples per pixel of the final picture at most.
     pub final_spp: u32,
+    /// [Error](Noise::error) that noise may leave in the final picture as it is shown: no more samples are taken when it
+    /// is below; with 0 as many are as may be.
+    pub final_noise: f64,
+    /// Whether pictures that are looked at are denoised; what is measured never is.
+    pub denoise: bool,
     /// Kinds of variables that are free.
     pub free: FreeKinds,
     /// Seed of all samples and of the search.
@@ -112,8 +118,8 @@ pub struct RunReport {
     pub initial: JackknifeEstimate,
     /// f_q of the lights found, from the check render.
     pub check: JackknifeEstimate,
-    /// f_q and terms of the final picture; `None` where an interrupt left no time for one.
-    pub last: Option<Evaluation>,
+    /// The final picture; `None` where an interrupt left no time for one.
+    pub last: Option<FinalPicture>,
     /// Free variables.
     pub variables: ParamVector,
     /// Values of the variables, in their order.
@@ -130,6 +136,21 @@ pub struct RunReport {
     pub caution: Option<String>,
     /// Wall time from the beginning of the run, s.
     pub seconds: f64,
+}
+
+/// Measures of a final picture.
+#[derive(Clone, Debug)]
+pub struct FinalPicture {
+    /// f_q and its terms, freed of noise bias, with their error.
+    pub estimate: JackknifeEstimate,
+    /// f_q of the picture as it is, noise included.
+    pub f_q_picture: f64,
+    /// Error that noise leaves in the picture as it is displayed.
+    pub noise: Noise,
+    /// Samples per pixel that it has.
+    pub spp: u32,
+    /// Whether it was ended before it was good enough and had as many samples as it may.
+    pub is_incomplete: bool,
 }
 
 /// A run failed.

@@ -1,111 +1,309 @@
 //! Full-size pictures of a run, and the attributes of its EXR files.
 
-use std::time::Instant;
+use std::{path::Path, sync::Mutex, time::Instant};
 
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    Reporter, RunError,
-    products::{GrowingPicture, picture_key},
-    render::{Budget, PassedPicture},
+    FinalPicture, Reporter, RunError,
+    growing::{Grown, Wanted},
+    noise::{self, Display, Noise},
+    products::{GrowingPictures, growing_key},
     setup::{Setup, Task},
 };
 use crate::{
     audit::{lights::LightsFile, picture, write_whole},
+    denoise::Layer,
     film::{
         exr::{write_exr, write_exr_plain},
-        image_file::write_png,
+        image_file::{LinearImage, write_png},
     },
-    integrator::{RenderError, View, aov},
-    lighting::SamplingPlan,
-    objective::{Evaluation, Objective, Target},
+    integrator::{
+        RenderError, View,
+        aov::{self, Aovs, Features},
+    },
+    lighting::{Lighting, SamplingPlan},
+    math::{self, display::LuminanceMode},
+    objective::{Evaluation, LABELLINGS, Objective, Replicates, Target},
 };
 
-/// Samples of the final picture over those of the initial one: that is only looked at, and a quarter of
-/// the samples has twice the noise at a quarter of the time.
-const INITIAL_SHARE: u32 = 4;
+/// Weight of the picture of the start, where one of lights found has 1: it is only looked at, and may have
+/// twice the noise.
+const START_WEIGHT: f32 = 0.5;
 
-/// Writes the lights that were found.
-pub(super) fn write_lights(task: &Task, found: &[f64], setup: Setup) -> Result<(), RunError> {
-    let file = LightsFile::new(setup.scene, &setup.lighting(found));
-    Ok(write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?)
-}
-
-/// The final picture of a look.
-pub(super) struct Last {
-    /// f_q and terms of the picture as it was written.
-    pub evaluation: Evaluation,
-    /// Samples per pixel that it has.
-    pub spp: u32,
-}
-
-/// Renders the full-size pictures of the start and of what was found; `part` is the share of the time
-/// left that both may take.
-pub(super) fn take(
+/// Writes the lights that were found, and the small picture of them that showed how good they are, where
+/// there is one.
+pub(super) fn write_found(
     task: &Task,
-    found: &[f64],
-    setup: Setup,
-    part: f64,
-    reporter: &impl Reporter,
-) -> Result<Option<Last>, RunError> {
-    let final_spp = setup.options.final_spp;
-    let first = (final_spp / INITIAL_SHARE).max(1);
-    let end = setup.deadline.of_part(part / f64::from(1 + INITIAL_SHARE));
-    take_one(task, "initial", &setup.variables.start(), first, end, setup, reporter)?;
-    let rest = part * f64::from(INITIAL_SHARE) / (f64::from(1 + INITIAL_SHARE) - part);
-    let end = setup.deadline.of_part(rest.min(1.0));
-    take_one(task, "final", found, final_spp, end, setup, reporter)
-}
-
-/// Renders and writes the picture of a point of the unit cube: of `spp` samples per pixel or, when the
-/// time is over or somebody interrupts, of those so far; `None` where there are none.
-fn take_one(
-    task: &Task,
-    name: &str,
     u: &[f64],
-    spp: u32,
+    shown: Option<&LinearImage>,
+    setup: Setup,
+) -> Result<(), RunError> {
+    let lighting = setup.lighting(u);
+    let file = LightsFile::new(setup.scene, &lighting);
+    write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
+    if let Some(shown) = shown {
+        write_png(&task.job.out.join("found.png"), shown, lighting.exposure)?;
+    }
+    Ok(())
+}
+
+/// A picture to be taken.
+struct Shot<'t, 'a> {
+    /// Name of its files.
+    name: &'static str,
+    /// Indices and tasks of the looks that it belongs to.
+    tasks: Vec<(usize, &'t Task<'a>)>,
+    /// Point of the unit cube.
+    u: Vec<f64>,
+    lighting: Lighting,
+    /// Share of samples at its lights' sizes, and inverse of the noise allowed, both in those of a picture
+    /// of lights found.
+    weight: f32,
+}
+
+impl Shot<'_, '_> {
+    /// The part of a picture's error that counts when it is compared with what is allowed.
+    fn counted(&self, noise: &Noise) -> f64 {
+        f64::from(self.weight) * noise.error()
+    }
+
+    /// Noise of the k-th picture as it is shown, and the picture: where features are given, the mean of two
+    /// that are denoised apart.
+    fn look(&self, k: usize, grown: &Grown, features: Option<&Features>, setup: Setup) -> (Noise, Layer) {
+        let width = setup.options.size.x as usize;
+        // A display shows it so, whatever f_q measures.
+        let luminance = LuminanceMode::Srgb;
+        let display = Display { width, luminance, exposure: self.lighting.exposure };
+        let [a, b, c, d] = grown.luminances(k).map(widened);
+        let Some(features) = features else {
+            return (noise::estimate(&[a, b, c, d], display), grown.beauty(k));
+        };
+        let halves = grown.denoised_halves(k, features);
+        let linear =
+            halves.each_ref().map(|half| half.iter().map(|&v| math::display::luminance(v)).collect());
+        let [x, y]: [Vec<f64>; 2] = linear;
+        let noise = noise::of_denoised([&x, &y], [[&a, &b], [&c, &d]], display);
+        let mean = |(x, y): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (x[c] + y[c]));
+        (noise, halves[0].iter().zip(&halves[1]).map(mean).collect())
+    }
+
+    fn write_png(&self, rgb: &[[f32; 3]], setup: Setup) -> Result<(), RunError> {
+        let [width, height] = setup.options.size.to_array().map(|n| n as usize);
+        let image = LinearImage { width, height, rgb: rgb.to_vec() };
+        let path = |out: &Path| out.join(self.name).with_extension("png");
+        let mut each = self.tasks.iter();
+        each.try_for_each(|(_, task)| write_png(&path(&task.job.out), &image, self.lighting.exposure))?;
+        Ok(())
+    }
+}
+
+/// The final pictures of all looks.
+pub(super) struct Pictures {
+    /// Final picture of each look; `None` where an interrupt left no time for one.
+    pub taken: Vec<Option<FinalPicture>>,
+    /// Number of renders that it took.
+    pub renders: u64,
+}
+
+/// Renders the full-size pictures of the start and of the lights found for every look, as many together as
+/// the memory allows, and writes them.
+pub(super) fn take(
+    looks: &[(&Task, &[f64])],
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<Pictures, RunError> {
+    let mut pictures = Pictures { taken: looks.iter().map(|_| None).collect(), renders: 0 };
+    if reporter.cancelled() {
+        return Ok(pictures);
+    }
+    let shot = |name, tasks, u: &[f64], weight| {
+        let (u, lighting) = (u.to_vec(), setup.lighting(u));
+        Shot { name, tasks, u, lighting, weight }
+    };
+    let all = looks.iter().enumerate().map(|(i, (task, _))| (i, *task)).collect();
+    let start = shot("initial", all, &setup.variables.start(), START_WEIGHT);
+    let found = looks.iter().enumerate().map(|(i, (task, u))| shot("final", vec![(i, *task)], u, 1.0));
+    let shots: Vec<Shot> = std::iter::once(start).chain(found).collect();
+
+    let camera = setup.scene.camera.resized(setup.options.size);
+    let view = View { scene: setup.scene, camera: &camera };
+    let n_groups = shots.len().div_ceil(most_together(setup));
+    let mut groups_left = n_groups as u32;
+    for group in shots.chunks(shots.len().div_ceil(n_groups)) {
+        let end = setup.deadline.of_part(1.0 / f64::from(groups_left));
+        groups_left -= 1;
+        pictures.renders += 1;
+        for (look, last) in take_group(group, view, end, setup, reporter)? {
+            pictures.taken[look] = Some(last);
+        }
+    }
+    Ok(pictures)
+}
+
+/// Number of pictures that may be rendered together.
+fn most_together(setup: Setup) -> usize {
+    let bytes = Grown::bytes(setup.options.size, setup.scene.lights.len());
+    usize::try_from(setup.options.memory / bytes.max(1))
+        .unwrap_or(usize::MAX)
+        .clamp(1, SamplingPlan::MAX_TOGETHER)
+}
+
+/// Renders some pictures together and writes them; returns the measures of those of lights found, by look.
+fn take_group(
+    shots: &[Shot],
+    view: View,
     end: Option<Instant>,
     setup: Setup,
     reporter: &impl Reporter,
-) -> Result<Option<Last>, RunError> {
-    if reporter.cancelled() {
-        return Ok(None);
-    }
-    let (options, scene) = (setup.options, setup.scene);
-    let lighting = setup.lighting(u);
-    let camera = scene.camera.resized(options.size);
-    let view = View { scene, camera: &camera };
+) -> Result<Vec<(usize, FinalPicture)>, RunError> {
+    let options = setup.options;
     // Before the samples: whoever interrupts those waits no longer than he must.
-    let aovs = aov::trace(view, lighting.value as f32);
-    let objective = Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask)?;
-    let rows = u64::from(options.size.y) * u64::from(spp);
-    reporter.stage(&format!("{name} picture"), Some(rows));
-    let budget = Budget { seed: options.seed, spp, n_replicates: 1 };
-    let plan = SamplingPlan::for_picture(&lighting);
+    let aovs = trace(shots, view);
+    let features = options.denoise.then(|| Features::trace(view));
+    let features = features.as_ref();
+    let objective =
+        |task: &Task, aovs: &Aovs| Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask);
+    let objectives: Vec<Vec<Objective>> = shots
+        .iter()
+        .map(|shot| shot.tasks.iter().map(|(_, task)| objective(task, &aovs[0].1)).collect())
+        .collect::<Result<_, _>>()?;
+
+    let lightings: Vec<&Lighting> = shots.iter().map(|shot| &shot.lighting).collect();
+    let weighted: Vec<(&Lighting, f32)> = shots.iter().map(|shot| (&shot.lighting, shot.weight)).collect();
+    let plan = SamplingPlan::for_pictures(&weighted);
+    let wanted =
+        Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
+    reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
+    let (failure, last_look) = (Mutex::new(None), Mutex::new((0, Vec::new())));
+    let is_enough = |grown: &Grown| match look_at(shots, grown, features, setup, reporter) {
+        Ok(noise) => {
+            let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+            last_look.lock().map(|mut last| *last = (grown.spp(), noise)).is_ok()
+                && error < options.final_noise
+        }
+        Err(e) => failure.lock().map(|mut failure| *failure = Some(e)).is_ok(),
+    };
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
-    let key = picture_key(&setup, &lighting, &plan, &camera, budget);
-    let growing = GrowingPicture { products: setup.products, key, is_over: &is_over, reporter };
-    let rendered = setup.renderer().render_in_passes(view, &lighting, &plan, budget, &growing, reporter);
-    let PassedPicture { picture: rendered, spp: taken } = match rendered {
-        Err(RenderError::Cancelled) => return Ok(None),
+    let growing = GrowingPictures {
+        products: setup.products,
+        key: growing_key(&setup, &wanted),
+        is_over: &is_over,
+        is_enough: &is_enough,
+        reporter,
+    };
+    let grown = match setup.renderer().grow(&wanted, &growing, reporter) {
+        Err(RenderError::Cancelled) => return Ok(Vec::new()),
         other => other?,
     };
-    if taken < spp {
-        reporter.note(&format!("{name} picture: {taken} of {spp} samples a pixel"));
+    if let Some(e) = failure.into_inner().unwrap_or_default() {
+        return Err(e);
     }
-    let display = options.luminance.encode_image(&rendered.rgb, lighting.exposure);
-    let evaluation = objective.evaluate(&display);
-    let mut attribute = attribute(setup, &task.job.target, u, &evaluation, taken);
-    if taken < spp {
-        attribute["incomplete"] = true.into();
+    let (spp, noise) = last_look.into_inner().unwrap_or_default();
+    let noise = match spp == grown.spp() {
+        true => noise,
+        false => look_at(shots, &grown, features, setup, reporter)?,
+    };
+    if !grown.is_complete() {
+        reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
     }
-    let names = scene.light_names();
-    let exr = picture::exr(&rendered, &aovs, &names, lighting.exposure, options.luminance, attribute);
-    let out = &task.job.out;
-    let write = if taken < spp { write_exr_plain } else { write_exr };
-    write(&out.join(format!("{name}.exr")), &exr)?;
-    write_png(&out.join(format!("{name}.png")), &picture::beauty(&rendered), lighting.exposure)?;
-    Ok(Some(Last { evaluation, spp: taken }))
+    let written: Vec<_> = shots
+        .par_iter()
+        .zip(&objectives)
+        .zip(noise)
+        .enumerate()
+        .map(|(k, ((shot, objectives), noise))| {
+            let (_, aovs) =
+                aovs.iter().find(|(value, _)| *value == shot.lighting.value as f32).unwrap_or(&aovs[0]);
+            write(shot, (k, &grown, noise), (aovs, features), objectives, setup)
+        })
+        .collect::<Result<_, RunError>>()?;
+    let each = shots.iter().zip(written).filter(|(shot, _)| shot.name == "final");
+    let mut lasts: Vec<(usize, FinalPicture)> = Vec::new();
+    for (shot, measured) in each {
+        lasts.extend(shot.tasks.iter().map(|(look, _)| *look).zip(measured));
+    }
+    let error = lasts.iter().map(|(_, last)| last.noise.error()).fold(0.0, f64::max);
+    if grown.is_complete() && error >= options.final_noise && options.final_noise > 0.0 {
+        reporter.note(&format!(
+            "pictures: noise {error:.4} is left after {} samples a pixel, as many as are allowed; {} was asked for",
+            grown.spp(),
+            options.final_noise
+        ));
+    }
+    Ok(lasts)
+}
+
+/// Auxiliary pictures for every value of the background among some pictures.
+fn trace(shots: &[Shot], view: View) -> Vec<(f32, Aovs)> {
+    let mut values: Vec<f32> = shots.iter().map(|shot| shot.lighting.value as f32).collect();
+    values.sort_by(f32::total_cmp);
+    values.dedup();
+    values.into_iter().map(|value| (value, aov::trace(view, value))).collect()
+}
+
+/// Refreshes the pictures on disk after a round, and measures and tells how noisy they are.
+fn look_at(
+    shots: &[Shot],
+    grown: &Grown,
+    features: Option<&Features>,
+    setup: Setup,
+    reporter: &impl Reporter,
+) -> Result<Vec<Noise>, RunError> {
+    let look = |(k, shot): (usize, &Shot)| {
+        let (noise, shown) = shot.look(k, grown, features, setup);
+        shot.write_png(&shown, setup)?;
+        Ok(noise)
+    };
+    let noise = shots.par_iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
+    let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+    let asked = setup.options.final_noise;
+    let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
+    reporter.progress(&format!("pictures: noise {error:.4}{wanted}"));
+    Ok(noise)
+}
+
+/// The same numbers with more digits.
+fn widened(values: Vec<f32>) -> Vec<f64> {
+    values.into_iter().map(f64::from).collect()
+}
+
+/// Writes the k-th picture for every look that it belongs to, and measures it for each.
+fn write(
+    shot: &Shot,
+    (k, grown, noise): (usize, &Grown, Noise),
+    (aovs, features): (&Aovs, Option<&Features>),
+    objectives: &[Objective],
+    setup: Setup,
+) -> Result<Vec<FinalPicture>, RunError> {
+    let (options, exposure) = (setup.options, shot.lighting.exposure);
+    let rendered = grown.picture(k);
+    let display = options.luminance.encode_image(&rendered.rgb, exposure);
+    // As the EXR has them.
+    let linear = grown.luminances(k).map(widened);
+    let denoised = features.map(|features| grown.denoised(k, features));
+    let replicates = Replicates { linear: &linear, luminance: options.luminance, exposure };
+    shot.write_png(&denoised.as_ref().unwrap_or(&rendered).rgb, setup)?;
+    let (names, is_incomplete) = (setup.scene.light_names(), !grown.is_complete());
+    let each = shot.tasks.iter().zip(objectives).map(|((_, task), objective)| {
+        let estimate = replicates.measure(objective, LABELLINGS)?;
+        let f_q_picture = objective.evaluate(&display).f_q;
+        let mut attribute = attribute(setup, &task.job.target, &shot.u, &estimate.evaluation, grown.spp());
+        attribute["f_q_error"] = estimate.error_bar().into();
+        attribute["f_q_picture"] = f_q_picture.into();
+        attribute["noise"] = noise.error().into();
+        if is_incomplete {
+            attribute["incomplete"] = true.into();
+        }
+        let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.luminance, attribute);
+        exr.parts.push(picture::replicates(grown.luminances(k)));
+        exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
+        let write = if is_incomplete { write_exr_plain } else { write_exr };
+        write(&task.job.out.join(shot.name).with_extension("exr"), &exr)?;
+        Ok(FinalPicture { estimate, f_q_picture, noise, spp: grown.spp(), is_incomplete })
+    });
+    each.collect()
 }
 
 /// The `lightopt` attribute of the picture of the point `u` of the unit cube: enough to evaluate the

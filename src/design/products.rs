@@ -2,19 +2,19 @@
 
 use super::{
     Reporter, RunError,
-    render::{Between, Budget, MeasuredPicture},
+    growing::{Between, Grown, Wanted},
+    render::{Budget, MeasuredPicture},
     setup::Stage,
 };
 use crate::{
     audit::products::Products,
     camera::Camera,
-    film::RgbFilm,
     integrator::Observer,
     lighting::{Lighting, SamplingPlan},
 };
 
-/// Kind of the film of a picture.
-const FILM: &str = "film";
+/// Kind of the pictures that grow together.
+const PICTURES: &str = "pictures";
 /// Kind of a render with its replicates.
 const RENDER: &str = "render";
 
@@ -25,43 +25,46 @@ pub(super) fn samples_key(stage: &Stage, camera: &Camera, plan: &SamplingPlan, s
     Products::key(&words, &[stage.fingerprint, seed])
 }
 
-/// A picture that grows pass by pass, and is kept so.
-pub(super) struct GrowingPicture<'a, R> {
+/// Pictures that grow pass by pass, and are kept so.
+pub(super) struct GrowingPictures<'a, R> {
     /// Products of the run.
     pub products: &'a Products,
-    /// Key of the whole picture.
+    /// Key of the pictures.
     pub key: u64,
     /// Whether no more passes are to be made.
-    pub is_over: &'a dyn Fn() -> bool,
+    pub is_over: &'a (dyn Fn() -> bool + Sync),
+    /// Called after each round; whether the pictures are good enough.
+    pub is_enough: &'a (dyn Fn(&Grown) -> bool + Sync),
     /// Observer, which is told what cannot be kept.
     pub reporter: &'a R,
 }
 
-impl<R: Reporter> Between for GrowingPicture<'_, R> {
+impl<R: Reporter> Between for GrowingPictures<'_, R> {
     fn is_over(&self) -> bool {
         (self.is_over)()
     }
 
-    fn take_up(&self, film: &mut RgbFilm) -> u32 {
+    fn kept(&self) -> Option<Vec<u8>> {
         self.products.begin_growing();
-        let Some(bytes) = self.products.load(self.key, FILM) else { return 0 };
-        let Some((spp, sums)) = bytes.split_first_chunk() else { return 0 };
-        film.read_sums(sums).map_or(0, |_| u32::from_le_bytes(*spp))
+        self.products.load(self.key, PICTURES)
     }
 
-    fn passed(&self, film: &RgbFilm, spp: u32, is_last: bool) {
-        if is_last || self.products.is_due() || self.is_over() {
-            self.products.save(
-                self.key,
-                FILM,
-                |text| self.reporter.note(text),
-                |out| {
-                    out.write_all(&spp.to_le_bytes())?;
-                    film.write_sums(out)
-                },
-            );
+    fn passed(&self, grown: &Grown, is_last: bool) {
+        if is_last || self.products.is_due() {
+            let say = |text: &str| self.reporter.note(text);
+            self.products.save(self.key, PICTURES, say, |out| grown.write(out));
         }
     }
+
+    fn is_enough(&self, grown: &Grown) -> bool {
+        (self.is_enough)(grown)
+    }
+}
+
+/// Key of pictures that grow together.
+pub(super) fn growing_key(stage: &Stage, wanted: &Wanted) -> u64 {
+    let Wanted { view, lightings, plan, seed, spp } = wanted;
+    Products::key(&format!("{lightings:?} {spp}"), &[samples_key(stage, view.camera, plan, *seed)])
 }
 
 /// Key of a picture of a lighting.

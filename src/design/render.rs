@@ -6,8 +6,9 @@ use std::{
 };
 
 use crate::{
-    film::{Picture, RgbFilm},
-    integrator::{Integrator, Observer, RenderError, Samples, View},
+    denoise::denoise,
+    film::{Picture, RgbFilm, image_file::LinearImage},
+    integrator::{Integrator, Observer, RenderError, Samples, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
     math::display::{LuminanceMode, luminance},
     objective::{
@@ -118,7 +119,7 @@ pub struct PassedPicture {
 
 impl Renderer {
     /// Renders the picture of a lighting in passes, of `budget.spp` samples per pixel in all or, once
-    /// `between` says so between two of them, of those so far. The passes do not change the picture:
+    /// `is_over` says so between two of them, of those so far. The passes do not change the picture:
     /// its samples are added in the same order. Where the observer cancels a pass, the picture is that of
     /// the passes before it.
     ///
@@ -130,15 +131,14 @@ impl Renderer {
         lighting: &Lighting,
         plan: &SamplingPlan,
         budget: Budget,
-        between: &dyn Between,
+        is_over: &dyn Fn() -> bool,
         observer: &impl Observer,
     ) -> Result<PassedPicture, RenderError> {
         let mut film = RgbFilm::by_light(view.camera.size(), lighting);
         let all = Samples { sampler: self.sampler, seed: budget.seed, first: 0, count: budget.spp.max(1) };
-        let (mut spp, mut count) = (between.take_up(&mut film), 1);
-        observer.advance(u64::from(spp) * u64::from(view.camera.size().y));
+        let (mut spp, mut count) = (0, 1);
         let mut before: Option<RgbFilm> = None;
-        while spp < all.count && !(spp > 0 && between.is_over()) {
+        while spp < all.count && !(spp > 0 && is_over()) {
             let clock = Instant::now();
             let samples = Samples { first: spp, count: count.min(all.count - spp), ..all.replicate(0) };
             let may_stop = spp == 0 || before.is_some();
@@ -154,29 +154,9 @@ impl Renderer {
             let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);
             count = (PASS.as_secs_f64() / per_sample.max(1e-9)).clamp(1.0, 1e6) as u32;
             drop(before.take());
-            between.passed(&film, spp, spp == all.count);
             before = (per_sample > SLOW.as_secs_f64() && spp < all.count).then(|| film.clone());
         }
         Ok(PassedPicture { picture: film.develop(lighting, spp), spp })
-    }
-}
-
-/// What happens between the passes of a picture.
-pub trait Between {
-    /// Whether no more passes are to be made.
-    fn is_over(&self) -> bool;
-    /// Takes up a film that has no samples yet, where an earlier attempt has got; returns its samples per
-    /// pixel.
-    fn take_up(&self, _film: &mut RgbFilm) -> u32 {
-        0
-    }
-    /// Called after a pass, with the samples per pixel so far and whether there are no more to come.
-    fn passed(&self, _film: &RgbFilm, _spp: u32, _is_last: bool) {}
-}
-
-impl<F: Fn() -> bool> Between for F {
-    fn is_over(&self) -> bool {
-        self()
     }
 }
 
@@ -243,6 +223,20 @@ impl MeasuredPicture {
         let lights = (0..n_lights).map(|_| image()).collect::<Option<_>>()?;
         let replicates = (0..n_replicates).map(|_| image()).collect::<Option<_>>()?;
         Some(Self { picture: Picture { width, height, rgb, lights }, replicates, exposure, luminance })
+    }
+
+    /// The mean picture for people to look at, denoised where there are features to do it by and replicates
+    /// for two halves.
+    #[must_use]
+    pub fn shown(&self, features: Option<&Features>) -> LinearImage {
+        let Picture { width, height, ref rgb, .. } = self.picture;
+        let (first, second) = self.replicates.split_at(self.replicates.len() / 2);
+        let denoised = features.filter(|_| !first.is_empty()).map(|features| {
+            let [a, b] =
+                [first, second].map(|half| [mean(&half.iter().map(Vec::as_slice).collect::<Vec<_>>())]);
+            denoise(features, [&a, &b]).remove(0)
+        });
+        LinearImage { width, height, rgb: denoised.unwrap_or_else(|| rgb.clone()) }
     }
 
     /// Display luminance of the mean picture.

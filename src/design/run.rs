@@ -1,4 +1,4 @@
-//! The driver of a run: survey, optimisation, check and final pictures of all looks.
+//! The driver of a run: survey, optimisation and check of all looks, and then their final pictures.
 
 use std::time::{Duration, Instant};
 
@@ -6,9 +6,11 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::{
-    Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable, basis_search,
+    FinalPicture, Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable,
+    basis_search,
     deadline::Deadline,
-    differences, manifest, pictures,
+    differences, manifest,
+    pictures::{self, Pictures},
     precision::Precision,
     setup::{Found, Setup, Stage, Task},
     working_basis::{BasisPlan, MAX_TOGETHER, REDUCTION, WorkingBasis},
@@ -16,7 +18,10 @@ use super::{
 use crate::{
     audit::{AuditError, RunDir, products::Products},
     files::atomic::{probe, sweep},
-    integrator::{View, aov},
+    integrator::{
+        View,
+        aov::{self, Features},
+    },
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
     scene::Scene,
     variables::{Fitted, Survey},
@@ -54,7 +59,20 @@ pub fn run(
     let deadline = Deadline::new(start, options.time_limit);
     let (fitted, aovs, products) = (&fitted, &aovs, &Products::new(options.products.as_deref()));
     let camera = &camera;
-    let stage = Stage { scene, camera, fitted, constraints, aovs, options, deadline, fingerprint, products };
+    let features = options.denoise.then(|| Features::trace(view));
+    let features = features.as_ref();
+    let stage = Stage {
+        scene,
+        camera,
+        fitted,
+        constraints,
+        aovs,
+        features,
+        options,
+        deadline,
+        fingerprint,
+        products,
+    };
     let mut basis = match options.gradient {
         Gradient::Fd => None,
         Gradient::Basis => {
@@ -71,18 +89,21 @@ pub fn run(
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };
 
-    let mut reports = Reports { start, renders: 1, done: Vec::new() };
+    let mut renders = 1;
+    let mut lit = Vec::new();
     let jobs: Vec<(&Job, &Objective)> = options.jobs.iter().zip(&objectives).collect();
     let together = if basis.is_some() { MAX_TOGETHER } else { 1 };
     for jobs in jobs.chunks(together) {
         let begun = jobs.par_iter().map(|&(job, objective)| begin(job, objective, &record, &survey, setup));
         let tasks = begun.collect::<Result<Vec<_>, _>>()?;
-        find_together(tasks, setup, basis.as_mut(), &mut reports, reporter)?;
+        lit.extend(find_together(tasks, setup, basis.as_mut(), &mut renders, reporter)?);
         if reporter.cancelled() {
             break;
         }
     }
-    Ok(reports.done)
+    // Room for the pictures.
+    drop(basis);
+    finish(lit, start, setup, reporter)
 }
 
 /// Checks that the run can be recorded in its directories and in its cache.
@@ -126,53 +147,56 @@ fn begin<'a>(
     Ok(Task { job, objective: objective.clone(), reduced, starts, dir })
 }
 
-/// Reports of the looks that are finished.
-struct Reports {
-    /// Beginning of the run.
-    start: Instant,
-    /// Number of renders so far, of all sizes.
+/// A look whose lights are found.
+struct Lit<'a> {
+    task: Task<'a>,
+    found: Found,
+    /// f_q at the neutral start.
+    initial: JackknifeEstimate,
+    /// Number of renders of the run until the lights were found.
     renders: u64,
-    done: Vec<RunReport>,
 }
 
-/// Finds the lights of some looks, from one basis or in paper mode one after the other, and renders
-/// them at full size.
-fn find_together(
-    mut tasks: Vec<Task>,
+/// Finds the lights of some looks, from one basis or in paper mode one after the other.
+fn find_together<'a>(
+    mut tasks: Vec<Task<'a>>,
     setup: Setup,
     mut basis: Option<&mut WorkingBasis>,
-    reports: &mut Reports,
+    renders: &mut u64,
     reporter: &impl Reporter,
-) -> Result<(), RunError> {
+) -> Result<Vec<Lit<'a>>, RunError> {
     let clock = Instant::now();
     let initials = measure_starts(&tasks, setup, basis.as_deref(), reporter)?;
     for (task, initial) in tasks.iter().zip(&initials) {
         let (f_q, error) = (initial.evaluation.f_q, initial.error_bar());
         reporter.note(&format!("{}: start: f_q {f_q:.4} ± {error:.4}", task.job.target.name()));
     }
-    let found = match basis.as_deref_mut() {
-        Some(basis) => basis_search::optimise(basis, &mut tasks, setup, &mut reports.renders, reporter)?,
-        None => tasks
-            .iter_mut()
-            .map(|task| differences::find(task, setup, &mut reports.renders, reporter))
-            .collect::<Result<_, _>>()?,
+    let found: Vec<(Found, u64)> = match basis.as_deref_mut() {
+        Some(basis) => {
+            let found = basis_search::optimise(basis, &mut tasks, setup, renders, reporter)?;
+            found.into_iter().map(|found| (found, *renders)).collect()
+        }
+        None => {
+            let find = |task: &mut Task| Ok((differences::find(task, setup, renders, reporter)?, *renders));
+            tasks.iter_mut().map(find).collect::<Result<_, RunError>>()?
+        }
     };
-    // What is found is on disk before any picture is begun, the lights before the large basis.
-    write_lights(&tasks, &found, setup)?;
+    // The lights found are on disk before the large basis.
     if let Some(basis) = basis {
         basis.store(setup, reporter)?;
     }
     let seconds = clock.elapsed().as_secs_f64();
-    for ((task, found), initial) in tasks.into_iter().zip(found).zip(initials) {
-        finish(task, found, initial, seconds, setup, reports, reporter)?;
-    }
-    Ok(())
-}
-
-/// Writes the lights found for all looks.
-fn write_lights(tasks: &[Task], found: &[Found], setup: Setup) -> Result<(), RunError> {
-    let mut each = tasks.iter().zip(found);
-    each.try_for_each(|(task, found)| pictures::write_lights(task, &found.u, setup))
+    let each = tasks.into_iter().zip(found).zip(initials);
+    each.map(|((mut task, (found, renders)), initial)| {
+        task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
+        let (f_q, error) = (found.check.evaluation.f_q, found.check.error_bar());
+        let picture = Some(task.job.out.join("found.png")).filter(|path| path.exists());
+        let picture =
+            picture.map_or_else(String::new, |path| format!("; a small picture: {}", path.display()));
+        reporter.note(&format!("{}: f_q {f_q:.4} ± {error:.4}{picture}", task.job.target.name()));
+        Ok(Lit { task, found, initial, renders })
+    })
+    .collect()
 }
 
 /// f_q of every look at the neutral start, from the basis or in paper mode from a render of its own.
@@ -190,49 +214,44 @@ fn measure_starts(
     Ok(tasks.par_iter().map(measure).collect::<Result<_, _>>()?)
 }
 
-/// Renders the lights found for a look at full size and adds its report.
+/// Renders the lights found for all looks at full size, and reports on each.
 fn finish(
-    mut task: Task,
-    found: Found,
-    initial: JackknifeEstimate,
-    seconds: f64,
+    lit: Vec<Lit>,
+    start: Instant,
     setup: Setup,
-    reports: &mut Reports,
     reporter: &impl Reporter,
-) -> Result<(), RunError> {
-    let Found { u, check, evaluations, stop, reach } = found;
-    let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
-    reporter.note(&format!("{look}: f_q {:.4} ± {:.4}", check.evaluation.f_q, check.error_bar()));
-    let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
-    degenerate.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
-    task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
-    let looks_left = setup.options.jobs.len() - reports.done.len();
-    let last = pictures::take(&task, &u, setup, 1.0 / looks_left as f64, reporter)?;
-    let lacking = lacking(&check, last.as_ref(), setup);
-    lacking.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
-    let caution = degenerate.into_iter().chain(lacking).reduce(|all, line| format!("{all}; {line}"));
-    reports.renders += 2;
-    let seconds = reports.start.elapsed().as_secs_f64();
-    task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
-    reports.done.push(RunReport {
-        initial,
-        check,
-        last: last.map(|last| last.evaluation),
-        variables: setup.variables.clone(),
-        x,
-        renders: reports.renders,
-        evaluations,
-        stop,
-        reach,
-        caution,
-        seconds,
-    });
-    Ok(())
+) -> Result<Vec<RunReport>, RunError> {
+    let looks: Vec<(&Task, &[f64])> = lit.iter().map(|lit| (&lit.task, lit.found.u.as_slice())).collect();
+    let Pictures { taken, renders: of_pictures } = pictures::take(&looks, setup, reporter)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let report = |(Lit { mut task, found, initial, renders }, last): (Lit, Option<FinalPicture>)| {
+        let Found { u, check, evaluations, stop, reach } = found;
+        let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
+        let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
+        let lacking = lacking(&check, last.as_ref(), setup);
+        let caution: Vec<String> = degenerate.into_iter().chain(lacking).collect();
+        caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+        task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+        Ok(RunReport {
+            initial,
+            check,
+            last,
+            variables: setup.variables.clone(),
+            x,
+            renders: renders + of_pictures,
+            evaluations,
+            stop,
+            reach,
+            caution: (!caution.is_empty()).then(|| caution.join("; ")),
+            seconds,
+        })
+    };
+    lit.into_iter().zip(taken).map(report).collect()
 }
 
 /// Sentence about the precision and the samples that a result lacks because of its deadline; `None` if it
 /// lacks nothing.
-fn lacking(check: &JackknifeEstimate, last: Option<&pictures::Last>, setup: Setup) -> Option<String> {
+fn lacking(check: &JackknifeEstimate, last: Option<&FinalPicture>, setup: Setup) -> Option<String> {
     let options = setup.options;
     let limit = options.time_limit?;
     let mut lacks = Vec::new();
@@ -240,7 +259,7 @@ fn lacking(check: &JackknifeEstimate, last: Option<&pictures::Last>, setup: Setu
     if !Precision::reported(asked).is_met(check) {
         lacks.push(format!("f_q is known to {error:.4} only, {asked} was asked for"));
     }
-    if let Some(last) = last.filter(|last| last.spp < options.final_spp) {
+    if let Some(last) = last.filter(|last| last.is_incomplete) {
         lacks.push(format!("the picture has {} of {} samples a pixel", last.spp, options.final_spp));
     }
     let seconds = limit.as_secs_f64();

@@ -2,8 +2,7 @@
 
 use crate::math::hash::hash_words;
 
-/// Purposes for which a run draws independent samples. The full-size pictures use the run's seed
-/// itself, so that `render --seed` makes them again.
+/// Purposes for which a run draws independent samples. The full-size pictures use the run's seed itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Purpose {
     /// Render from which bounds and starts follow, in paper mode.

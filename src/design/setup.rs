@@ -4,7 +4,10 @@ use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, re
 use crate::{
     audit::{RunDir, products::Products},
     camera::Camera,
-    integrator::{View, aov::Aovs},
+    integrator::{
+        View,
+        aov::{Aovs, Features},
+    },
     lighting::{Lighting, SampleCounts, SamplingPlan},
     objective::{JackknifeEstimate, Objective, Target},
     optim::StopReason,
@@ -31,6 +34,9 @@ pub(super) struct Stage<'a> {
     pub constraints: &'a Constraints,
     /// Auxiliary pictures of the working size.
     pub aovs: &'a Aovs,
+    /// What the camera of the working pictures sees, by which those that are shown are denoised; `None` where
+    /// they are shown as they are.
+    pub features: Option<&'a Features>,
     /// Options of the run.
     pub options: &'a RunOptions,
     /// Time that the run may take.

@@ -16,10 +16,14 @@ use super::{
     setup::{Setup, Stage},
 };
 use crate::{
-    audit::{products::Products, stored::About},
+    audit::{
+        picture,
+        products::Products,
+        stored::{About, StoredFeatures},
+    },
     files::number::Bytes,
-    film::Picture,
-    integrator::RenderError,
+    film::{Picture, image_file::LinearImage},
+    integrator::{RenderError, aov::Features},
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
     math::hash::{hash_bytes, hash_words},
@@ -348,8 +352,11 @@ impl WorkingBasis {
     /// # Errors
     /// When the cache cannot be written.
     pub fn store(&mut self, setup: Setup, reporter: &impl Reporter) -> Result<(), RunError> {
-        let about =
-            About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance);
+        let traced = setup.features.is_none().then(|| Features::trace(setup.view()));
+        let about = About {
+            features: setup.features.or(traced.as_ref()).map(StoredFeatures::new),
+            ..About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance)
+        };
         let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
         if let Some(path) = &setup.options.basis_file
             && let Err(e) = self.basis.save_unsynced(path, &about)
@@ -541,6 +548,13 @@ impl WorkingBasis {
     #[must_use]
     pub fn picture(&self, x: &Lighting) -> Picture {
         self.basis.picture(x)
+    }
+
+    /// Picture of a lighting for people to look at, denoised where there are features to do it by.
+    #[must_use]
+    pub fn shown(&self, x: &Lighting, features: Option<&Features>) -> LinearImage {
+        let denoised = features.and_then(|features| self.basis.denoised(x, features));
+        picture::beauty(&denoised.unwrap_or_else(|| self.basis.picture(x)))
     }
 
     /// f_q as a function of the variables.

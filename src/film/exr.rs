@@ -85,8 +85,9 @@ impl ExrPart {
         self.channels.iter().find(|(n, _)| n == name).map(|(_, samples)| samples.as_slice())
     }
 
-    /// Colours from the channels R, G, B.
-    fn colours(&self) -> Option<Vec<[f32; 3]>> {
+    /// Colours of the pixels from the channels R, G, B; `None` where one is missing.
+    #[must_use]
+    pub fn colours(&self) -> Option<Vec<[f32; 3]>> {
         let [r, g, b] = ["R", "G", "B"].map(|c| self.channel(c));
         let (r, g, b) = (r?, g?, b?);
         Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| [r, g, b]).collect())

@@ -1,4 +1,4 @@
-//! The film of ordinary pictures, one of each light or one of each lighting.
+//! The film of ordinary pictures: one of each light, in one lighting or in several, or one of each lighting.
 
 use std::{
     io::{self, Write},
@@ -6,14 +6,15 @@ use std::{
 };
 
 use glam::{UVec2, Vec2};
+use rayon::prelude::*;
 
 use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer, splat::CHUNK};
 use crate::lighting::Lighting;
 
-/// A film that sums contributions into pictures: one of each light alone, for unit radiance,
-/// or one of each of several lightings.
+/// A film that sums contributions into pictures: one of each light alone, for unit radiance, in one lighting
+/// or in several, or one of each of several lightings.
 #[derive(Debug)]
-pub struct RgbFilm<const N: usize = 1> {
+pub struct RgbFilm {
     /// Width and height, pixels.
     size: UVec2,
     /// Pictures that the contributions of a light go to, by light.
@@ -66,7 +67,7 @@ pub struct Picture {
     pub lights: Vec<Vec<[f32; 3]>>,
 }
 
-impl<const N: usize> Clone for RgbFilm<N> {
+impl Clone for RgbFilm {
     fn clone(&self) -> Self {
         let Self { size, routes, scales, sums, splats, non_finite } = self;
         Self {
@@ -80,14 +81,41 @@ impl<const N: usize> Clone for RgbFilm<N> {
     }
 }
 
+impl Picture {
+    /// The picture that the pictures of its lights add up to, of `size` columns and rows.
+    #[must_use]
+    pub fn of_lights([width, height]: [usize; 2], lights: Vec<Vec<[f32; 3]>>) -> Self {
+        let sum = |p: usize, c: usize| lights.iter().map(|l| f64::from(l[p][c])).sum::<f64>() as f32;
+        let rgb = (0..width * height).map(|p| std::array::from_fn(|c| sum(p, c))).collect();
+        Self { width, height, rgb, lights }
+    }
+}
+
 impl RgbFilm {
     /// A film of `size` pixels for a picture of each light at unit radiance, at its size in
     /// `lighting`, whose radiances and exposure only place the fixed-point scale of the splats.
     #[must_use]
     pub fn by_light(size: UVec2, lighting: &Lighting) -> Self {
-        let route = |(l, &s): (usize, &f64)| Route { picture: l, node: 0, size: s as f32, gain: 1.0 };
-        let routes = lighting.size.iter().enumerate().map(|l| vec![route(l)]).collect();
-        let whites = lighting.radiance.iter().map(|&l| f64::from(l as f32) * lighting.exposure);
+        Self::by_light_in(size, &[(lighting, 0)])
+    }
+
+    /// A film of `size` pixels for a picture of each light at unit radiance in each of several lightings,
+    /// otherwise as [`Self::by_light`]: the picture of light l in the k-th lighting is the
+    /// (k · lights + l)-th. Each lighting comes with the node of the background's value that it sees.
+    #[must_use]
+    pub fn by_light_in(size: UVec2, lightings: &[(&Lighting, usize)]) -> Self {
+        let n_lights = lightings.first().map_or(0, |(x, _)| x.n_lights());
+        let route = |(k, &(x, node)): (usize, &(&Lighting, usize)), l: usize| Route {
+            picture: k * n_lights + l,
+            node,
+            size: x.size[l] as f32,
+            gain: 1.0,
+        };
+        let routes = (0..n_lights)
+            .map(|l| lightings.iter().enumerate().map(|lighting| route(lighting, l)).collect())
+            .collect();
+        let whites =
+            lightings.iter().flat_map(|(x, _)| x.radiance.iter().map(|&l| f64::from(l as f32) * x.exposure));
         Self::with_routes(size, routes, whites)
     }
 
@@ -109,9 +137,7 @@ impl RgbFilm {
         }
         Picture { width: self.size.x as usize, height: self.size.y as usize, rgb, lights }
     }
-}
 
-impl<const N: usize> RgbFilm<N> {
     /// Writes the sums so far, exactly.
     ///
     /// # Errors
@@ -167,6 +193,28 @@ impl<const N: usize> RgbFilm<N> {
         }
     }
 
+    /// Adds all sums to `onto`, as `[pixel][picture][rgb]`, and leaves the film empty.
+    ///
+    /// # Panics
+    /// When `onto` is of another length.
+    pub fn move_onto(&mut self, onto: &mut [f64]) {
+        assert_eq!(onto.len(), self.sums.len(), "sums of a film of the same pictures");
+        let (pixel, scales) = (3 * self.scales.len(), &self.scales);
+        let width = (self.size.x as usize * pixel).max(1);
+        let rows = onto.par_chunks_mut(width).zip(self.sums.par_chunks_mut(width));
+        rows.zip(self.splats.par_chunks_mut(width)).for_each(|((onto, sums), mut splats)| {
+            for (i, (onto, sum)) in onto.iter_mut().zip(sums).enumerate() {
+                *onto += std::mem::take(sum) + splats.take(i, scales[i % pixel / 3]);
+            }
+        });
+    }
+
+    /// Leaves the film empty.
+    pub fn clear(&mut self) {
+        self.sums.par_iter_mut().for_each(|sum| *sum = 0.0);
+        self.splats.clear();
+    }
+
     /// Sum over all samples of a pixel in a picture, splats included; pixels are counted row
     /// by row.
     #[must_use]
@@ -177,7 +225,7 @@ impl<const N: usize> RgbFilm<N> {
     }
 }
 
-impl<const N: usize> Film<N> for RgbFilm<N> {
+impl<const N: usize> Film<N> for RgbFilm {
     type Row<'a> = RgbRow<'a>;
 
     fn size(&self) -> UVec2 {

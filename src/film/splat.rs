@@ -8,6 +8,8 @@ use std::{
     },
 };
 
+use rayon::prelude::*;
+
 use crate::math::Rgb;
 
 /// Value of 1 in fixed point, 2³²: 32 fractional bits resolve 2.3·10⁻¹⁰ of display white, far
@@ -138,10 +140,41 @@ impl SplatBuffer {
         })
     }
 
+    /// The buffer in parts of `length` numbers, three for each cell.
+    pub(super) fn par_chunks_mut(&mut self, length: usize) -> impl IndexedParallelIterator<Item = Part<'_>> {
+        let n_parts = self.cells.len().div_ceil(length);
+        let upper: Vec<&mut [AtomicU64]> = match self.upper.get_mut() {
+            Some(words) => words.chunks_mut(length).collect(),
+            None => (0..n_parts).map(|_| &mut [][..]).collect(),
+        };
+        self.cells.par_chunks_mut(length).zip(upper).map(|(lower, upper)| Part { lower, upper })
+    }
+
+    /// Sets every cell to zero.
+    pub fn clear(&mut self) {
+        self.cells.par_iter_mut().for_each(|cell| *cell.get_mut() = 0);
+        self.upper = OnceLock::new();
+    }
+
     /// Number of values that did not fit.
     #[must_use]
     pub fn overflows(&self) -> u64 {
         self.overflows.load(Ordering::Relaxed)
+    }
+}
+
+/// Cells of a buffer that are taken out.
+pub(super) struct Part<'a> {
+    lower: &'a mut [AtomicU64],
+    /// Upper words; empty where all are 0.
+    upper: &'a mut [AtomicU64],
+}
+
+impl Part<'_> {
+    /// The i-th number, in the units it was added in; the buffer then has 0 in its place.
+    pub fn take(&mut self, i: usize, scale: f64) -> f64 {
+        let upper = self.upper.get_mut(i).map_or(0, |word| std::mem::take(word.get_mut()));
+        (upper as f64 * UPPER + std::mem::take(self.lower[i].get_mut()) as f64) / (ONE * scale)
     }
 }
 
@@ -192,6 +225,10 @@ mod tests {
         });
         assert_eq!((buffer.get(1, 1.0), buffer.overflows()), ([exact; 3], 0));
         assert_eq!((buffer.get(0, 1.0), buffer.clone().get(1, 1.0)), ([0.0; 3], [exact; 3]));
+        let mut taken = buffer.clone();
+        let parts = taken.par_chunks_mut(2).map(|mut part| [part.take(0, 1.0), part.take(1, 1.0)]);
+        assert_eq!(parts.collect::<Vec<_>>().as_flattened(), [0.0, 0.0, 0.0, exact, exact, exact]);
+        assert_eq!([taken.get(0, 1.0), taken.get(1, 1.0)], [[0.0; 3]; 2]);
 
         let (mut bytes, mut read) = (Vec::new(), SplatBuffer::new(2));
         buffer.write_sums(&mut bytes).unwrap();

@@ -1,7 +1,7 @@
 //! Auxiliary pictures: mask, albedo, normal and depth of the first surface that the ray through each
 //! pixel's centre meets. Lights are ignored.
 
-use glam::{UVec2, Vec2};
+use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::View;
@@ -52,5 +52,62 @@ pub fn trace(view: View, value: f32) -> Aovs {
         albedo: pixels.iter().map(|p| p.1).collect(),
         normal: pixels.iter().map(|p| p.2).collect(),
         depth: pixels.iter().map(|p| p.3).collect(),
+    }
+}
+
+/// Number of rays along each side of the grid of a pixel's [`Features`].
+const FEATURE_GRID: u32 = 3;
+
+/// What the camera sees of surfaces, free of the noise of light transport: averages over a regular grid of
+/// rays in each pixel, row by row from the top. A pixel that an edge crosses has the mean of both sides,
+/// as its light has.
+#[derive(Clone, Debug)]
+pub struct Features {
+    /// Width, pixels.
+    pub width: usize,
+    /// Height, pixels.
+    pub height: usize,
+    /// Base colour, linear Rec.709, at the background's value 1; black where there is no surface.
+    pub albedo: Vec<[f32; 3]>,
+    /// Shading normal in world space, of unit length or, as an average, shorter; zero where there is no
+    /// surface.
+    pub normal: Vec<[f32; 3]>,
+    /// Reciprocal of the distance from the camera, m⁻¹, which on a plane is linear in the pixel's
+    /// place; zero where there is no surface.
+    pub disparity: Vec<f32>,
+}
+
+impl Features {
+    /// Traces the features of a view.
+    #[must_use]
+    pub fn trace(view: View) -> Self {
+        let View { scene, camera } = view;
+        let UVec2 { x: width, y: height } = camera.size();
+        let n = FEATURE_GRID * FEATURE_GRID;
+        let pixels: Vec<_> = (0..width * height)
+            .into_par_iter()
+            .map(|i| {
+                let corner = Vec2::new((i % width) as f32, (i / width) as f32);
+                let (mut albedo, mut normal, mut disparity) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+                for k in 0..n {
+                    let cell = UVec2::new(k % FEATURE_GRID, k / FEATURE_GRID).as_vec2() + 0.5;
+                    let dir = camera.direction(corner + cell / FEATURE_GRID as f32);
+                    if let Some(hit) = scene.intersect(camera.position, dir) {
+                        albedo += Vec3::from(scene.base_color(&hit, 1.0).to_array());
+                        normal += hit.si.frame.n;
+                        disparity += 1.0 / hit.t.max(f32::MIN_POSITIVE);
+                    }
+                }
+                let mean = 1.0 / n as f32;
+                ((albedo * mean).to_array(), (normal * mean).to_array(), disparity * mean)
+            })
+            .collect();
+        Self {
+            width: width as usize,
+            height: height as usize,
+            albedo: pixels.iter().map(|p| p.0).collect(),
+            normal: pixels.iter().map(|p| p.1).collect(),
+            disparity: pixels.iter().map(|p| p.2).collect(),
+        }
     }
 }

@@ -27,7 +27,7 @@ pub mod special;
 pub mod target;
 pub mod terms;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 

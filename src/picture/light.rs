@@ -33,6 +33,18 @@ pub(super) fn read_exr(source: Box<dyn Source + '_>, reading: &Reading) -> Resul
         {
             picture.mask = Some(file.read(part, &[channel], LIGHT + reading.kept)?);
         }
+        // They are of the picture itself.
+        if reading.own_replicates
+            && layer.part == 0
+            && file.attribute().is_some()
+            && let Some((part, channels)) = file.replicates()
+            && file.parts()[part].display.size == file.parts()[0].display.size
+        {
+            let n = channels.len();
+            let samples = file.read(part, &channels, LIGHT + reading.kept + n * MEASURED)?;
+            let of = |r: usize| samples.iter().skip(r).step_by(n).copied().collect();
+            picture.replicates = (0..n).map(of).collect();
+        }
     }
     let is_choice = reading.layer.is_none() && file.attribute().is_none() && file.layers().len() > 1;
     if is_choice && purpose.honours_metadata() {
@@ -44,6 +56,8 @@ pub(super) fn read_exr(source: Box<dyn Source + '_>, reading: &Reading) -> Resul
 
 /// Bytes of a pixel of a picture that is read for its light.
 const LIGHT: usize = 12;
+/// Bytes of a pixel of a replicate that is taken apart and measured.
+const MEASURED: usize = 12;
 
 /// The channel that is all that counts of a file, where it is not a picture's.
 fn single_channel(file: &ExrFile<impl Read + Seek>, purpose: Purpose) -> Option<[usize; 2]> {

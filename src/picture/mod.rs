@@ -80,13 +80,16 @@ pub struct Reading<'a> {
     pub kept: usize,
     /// Whether a picture that is read for its light brings the channel `mask` of an EXR that has one.
     pub own_mask: bool,
+    /// Whether a picture that is read for its light brings the replicates of an EXR of this program that has
+    /// them.
+    pub own_replicates: bool,
 }
 
 impl Reading<'_> {
     /// A reading for a purpose: of the default layer, with nothing kept beside the samples.
     #[must_use]
     pub const fn of(purpose: Purpose) -> Self {
-        Self { purpose, layer: None, kept: 0, own_mask: false }
+        Self { purpose, layer: None, kept: 0, own_mask: false, own_replicates: false }
     }
 }
 
@@ -121,6 +124,9 @@ pub struct Picture {
     /// The channel `mask` of an EXR that has one, where [`Reading::own_mask`] asks for it; row by
     /// row, 1 on the object.
     pub mask: Option<Vec<f32>>,
+    /// Linear luminance of the replicates of an EXR of this program, where [`Reading::own_replicates`] asks
+    /// for them; row by row, and empty where there are none.
+    pub replicates: Vec<Vec<f32>>,
     /// Linear light by sample; empty for floating point.
     table: Vec<f64>,
 }
@@ -188,6 +194,7 @@ impl Picture {
             notes: Vec::new(),
             attribute: None,
             mask: None,
+            replicates: Vec::new(),
             table,
         }
     }

@@ -1,12 +1,17 @@
 //! Images of a lighting as sums over rows of the tables, and their exact derivatives.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::{
     TransportBasis, kernels,
     layout::{COLOURS, Layout},
 };
-use crate::{film::Picture, lighting::Lighting, math::display::LUMINANCE_WEIGHTS};
+use crate::{
+    denoise::denoise, film::Picture, integrator::aov::Features, lighting::Lighting,
+    math::display::LUMINANCE_WEIGHTS,
+};
 
 /// Weight of one row of the tables in an image, with its derivatives.
 #[derive(Clone, Copy, Debug)]
@@ -243,6 +248,28 @@ impl TransportBasis {
     /// The picture of a lighting, the mean over the replicates, with the part that is due to each light.
     #[must_use]
     pub fn picture(&self, x: &Lighting) -> Picture {
+        let all = 0..self.n_replicates();
+        let [picture] = self.pictures(x, [all]);
+        picture
+    }
+
+    /// Two pictures of a lighting from the replicates of either half; `None` from fewer than two replicates.
+    /// The luminance of each light is that of the half, its hue that of all samples.
+    #[must_use]
+    pub fn half_pictures(&self, x: &Lighting) -> Option<[Picture; 2]> {
+        let n = self.n_replicates();
+        (n >= 2).then(|| self.pictures(x, [0..n / 2, n / 2..n]))
+    }
+
+    /// The picture of a lighting without its noise; `None` from fewer than two replicates.
+    #[must_use]
+    pub fn denoised(&self, x: &Lighting, features: &Features) -> Option<Picture> {
+        let [a, b] = self.half_pictures(x)?;
+        Some(Picture::of_lights([a.width, a.height], denoise(features, [&a.lights, &b.lights])))
+    }
+
+    /// Pictures of a lighting, each the mean over one of the `parts` of the replicates.
+    fn pictures<const N: usize>(&self, x: &Lighting, parts: [Range<usize>; N]) -> [Picture; N] {
         let layout = self.layout();
         let n = layout.n_pixels();
         let n_nodes = layout.nodes.len();
@@ -254,9 +281,10 @@ impl TransportBasis {
             let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
             let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
             let width = self.width();
-            let mut picture = vec![[0.0_f32; 3]; n];
-            let [mut red, mut blue, mut one, mut sum] = std::array::from_fn(|_| vec![0.0; width]);
-            for (y, line) in picture.chunks_mut(width).enumerate() {
+            let mut pictures = [(); N].map(|()| vec![[0.0_f32; 3]; n]);
+            let [mut red, mut blue, mut one] = std::array::from_fn(|_| vec![0.0; width]);
+            let mut sums = [(); N].map(|()| vec![0.0; width]);
+            for y in 0..layout.size.y as usize {
                 let colours = self.line(&self.colour, COLOURS, y);
                 for (channel, out) in [&mut red, &mut blue].into_iter().enumerate() {
                     let row = |row: usize| (row / n_nodes * COLOURS + channel) * n_nodes + row % n_nodes;
@@ -264,25 +292,37 @@ impl TransportBasis {
                         rows.iter().map(|&r| &colours[row(r) * width..][..width]).collect();
                     kernels::combine(&lines, &weights, out);
                 }
-                sum.fill(0.0);
-                for replicate in 0..self.n_replicates() {
-                    let lines: Vec<&[f32]> = rows.iter().map(|&row| self.row(replicate, row, y)).collect();
-                    kernels::combine(&lines, &weights, &mut one);
-                    sum.iter_mut().zip(&one).for_each(|(sum, v)| *sum += v);
+                for (sum, part) in sums.iter_mut().zip(&parts) {
+                    sum.fill(0.0);
+                    for replicate in part.clone() {
+                        let lines: Vec<&[f32]> =
+                            rows.iter().map(|&row| self.row(replicate, row, y)).collect();
+                        kernels::combine(&lines, &weights, &mut one);
+                        sum.iter_mut().zip(&one).for_each(|(sum, v)| *sum += v);
+                    }
                 }
                 let [to_red, to_green, to_blue] = LUMINANCE_WEIGHTS;
-                for (x, rgb) in line.iter_mut().enumerate() {
-                    let green = (sum[x] - to_red * red[x] - to_blue * blue[x]) / to_green;
+                for x in 0..width {
+                    let total: f64 = sums.iter().map(|sum| sum[x]).sum();
+                    let green = (total - to_red * red[x] - to_blue * blue[x]) / to_green;
                     // Weights of both signs: rounding may leave less than nothing.
-                    *rgb = [red[x], green, blue[x]].map(|v| v.max(0.0) as f32);
+                    let rgb = [red[x], green, blue[x]].map(|v| v.max(0.0));
+                    for ((picture, sum), part) in pictures.iter_mut().zip(&sums).zip(&parts) {
+                        let of_all = self.n_replicates() as f64 / part.len() as f64;
+                        let factor =
+                            if N == 1 || total <= 0.0 { 1.0 } else { sum[x].max(0.0) / total * of_all };
+                        picture[y * width + x] = rgb.map(|v| (v * factor) as f32);
+                    }
                 }
             }
-            picture
+            pictures
         };
-        let lights: Vec<Vec<[f32; 3]>> = (0..layout.lights.len()).into_par_iter().map(of_light).collect();
-        let rgb = (0..n)
-            .map(|p| std::array::from_fn(|c| lights.iter().map(|l| f64::from(l[p][c])).sum::<f64>() as f32))
-            .collect();
-        Picture { width: layout.size.x as usize, height: layout.size.y as usize, rgb, lights }
+        let lights: Vec<[Vec<[f32; 3]>; N]> =
+            (0..layout.lights.len()).into_par_iter().map(of_light).collect();
+        let mut by_part: [Vec<Vec<[f32; 3]>>; N] = [(); N].map(|()| Vec::new());
+        for pictures in lights {
+            by_part.iter_mut().zip(pictures).for_each(|(lights, picture)| lights.push(picture));
+        }
+        by_part.map(|lights| Picture::of_lights(layout.size.to_array().map(|n| n as usize), lights))
     }
 }

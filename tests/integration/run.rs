@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use lightopt_embree::film::exr::read_exr;
+use lightopt_embree::{
+    film::exr::read_exr,
+    math::{display::luminance, stats::Moments},
+};
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -56,6 +59,7 @@ fn records_all_it_did(room: &Room, gradient: &str) {
         "evaluations.jsonl",
         "final.exr",
         "final.png",
+        "found.png",
         "initial.exr",
         "initial.png",
         "iterations.jsonl",
@@ -79,6 +83,10 @@ fn records_all_it_did(room: &Room, gradient: &str) {
         "f_q",
         "f_q_error",
         "f_q_final",
+        "f_q_final_error",
+        "f_q_picture",
+        "final_noise",
+        "final_spp",
         "renders",
         "evaluations",
         "seconds",
@@ -102,6 +110,7 @@ fn records_all_it_did(room: &Room, gradient: &str) {
     {
         assert_eq!(options[key].as_integer(), Some(value), "{key}");
     }
+    assert_eq!(options["final_noise"].as_float(), Some(0.008));
     assert_eq!(options["size"].to_string(), "[24, 18]");
     assert_eq!(options["work_size"].to_string(), "[16, 12]");
     assert_eq!(options["integrator"].as_str(), Some("bdpt"));
@@ -135,6 +144,84 @@ fn records_all_it_did(room: &Room, gradient: &str) {
         assert!((evaluate(name) - recorded).abs() < 1e-12, "{name}");
     }
     assert!((evaluate("final.exr") - json["f_q_final"].as_f64().unwrap()).abs() < 1e-12);
+    evaluate("initial.exr");
+    let small = image::open(directory.join("found.png")).unwrap();
+    assert_eq!([small.width(), small.height()], [16, 12]);
+    is_of_its_replicates(room, &directory, &json);
+}
+
+/// Checks the replicates of a final picture against the picture, and what is measured on them.
+fn is_of_its_replicates(room: &Room, directory: &Path, json: &Value) {
+    let exr = read_exr(&directory.join("final.exr")).unwrap();
+    let part = exr.part("replicates").unwrap();
+    let names: Vec<&str> = part.channels.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["Y0", "Y1", "Y2", "Y3"]);
+    for (p, rgb) in exr.beauty().unwrap().into_iter().enumerate() {
+        let mean = part.channels.iter().map(|(_, y)| f64::from(y[p])).sum::<f64>() / 4.0;
+        let y = luminance(rgb);
+        assert!((mean - y).abs() <= 1e-6 * y.max(1e-3), "pixel {p}: {mean} {y}");
+    }
+    let path = directory.join("final.exr");
+    let path = path.to_str().unwrap();
+    let measured = json_of(room, &["evaluate", path]);
+    for (here, there) in [("f_q_picture", "f_q_picture"), ("f_q_error", "f_q_final_error")] {
+        assert!((measured[here].as_f64().unwrap() - json[there].as_f64().unwrap()).abs() < 1e-12, "{here}");
+    }
+    assert!(measured["f_q"] != measured["f_q_picture"]);
+    // Of a layer that was asked for there are no replicates.
+    let plain = json_of(room, &["evaluate", path, "--layer", "rgb"]);
+    assert!((plain["f_q"].as_f64().unwrap() - json["f_q_picture"].as_f64().unwrap()).abs() < 1e-12);
+    assert!(plain.get("f_q_picture").is_none());
+    let table = String::from_utf8(room.succeed(&["evaluate", path]).stdout).unwrap();
+    assert!(table.contains("from 4 replicates") && table.contains("\nf_q_picture "), "{table}");
+}
+
+#[test]
+fn samples_are_taken_until_the_noise_is_low_enough() {
+    let room = Room::new();
+    let run = |out: &str, more: &[&str]| {
+        let first =
+            ["run", "room.obj", "--out", out, "--work-size", "16x12", "--size", "24x18", "--spp", "4"];
+        json_of(&room, &[&first[..], &["--tolerance", "0.5", "--threads", "2"], more].concat())
+    };
+    let spp = |json: &Value| json["final_spp"].as_u64().unwrap();
+    let noise = |json: &Value| json["final_noise"].as_f64().unwrap();
+    let coarse = run("a", &["--final-noise", "0.015", "--final-spp", "2000"]);
+    let fine = run("b", &["--final-noise", "0.007", "--final-spp", "2000"]);
+    assert!(noise(&coarse) < 0.015 && noise(&fine) < 0.007, "{coarse} {fine}");
+    assert!(spp(&coarse) < spp(&fine) && spp(&fine) < 2000, "{coarse} {fine}");
+    // As many samples are the same picture, whatever ended it.
+    let samples = spp(&fine).to_string();
+    let again = run("c", &["--final-noise", "0", "--final-spp", &samples]);
+    assert_eq!((spp(&again), noise(&again)), (spp(&fine), noise(&fine)));
+    let [b, c] = ["b", "c"].map(|out| read_exr(&room.path(out).join("final.exr")).unwrap());
+    assert_eq!(b.parts, c.parts);
+    assert!(b.lightopt.unwrap().get("incomplete").is_none());
+    // Where that is not enough, it is said.
+    let mut few = vec!["run", "room.obj", "--out", "d", "--final-noise", "1e-5"];
+    few.extend(QUICK);
+    let stderr = String::from_utf8(room.succeed(&few).stderr).unwrap();
+    assert!(stderr.contains("0.00001 was asked for") && stderr.contains("noise 0."), "{stderr}");
+}
+
+/// With the start there are five pictures, of which four are rendered together at most.
+#[test]
+fn pictures_of_many_looks_have_one_start() {
+    const LOOKS: [&str; 4] = ["a", "b", "c", "d"];
+    let room = Room::new();
+    let high_key = include_str!("../../scenes/targets/high-key.toml");
+    for (i, look) in LOOKS.iter().enumerate() {
+        let target = high_key.replace("\"high-key\"", &format!("\"{look}\""));
+        room.write(&format!("{look}.toml"), target.replace("= 0.78", &format!("= 0.{}", 2 + 2 * i)));
+    }
+    let all = json_of(&room, &quick(&["--out", "runs", "--targets", "a.toml,b.toml,c.toml,d.toml"]));
+    for (look, json) in LOOKS.into_iter().zip(all.as_array().unwrap()) {
+        let f_q = json_of(&room, &["evaluate", &format!("runs/{look}/final.exr")])["f_q"].as_f64().unwrap();
+        assert!((f_q - json["f_q_final"].as_f64().unwrap()).abs() < 1e-12);
+        let initial = |look: &str| read_exr(&room.path("runs").join(look).join("initial.exr")).unwrap().parts;
+        assert_eq!(initial(look), initial("a"));
+        assert!(room.path("runs").join(look).join("initial.png").exists());
+    }
 }
 
 #[test]
@@ -161,8 +248,9 @@ fn the_same_seed_gives_the_same_bytes_whatever_the_threads() {
     assert!(a["final.exr"] != c["final.exr"] && a["evaluations.jsonl"] != c["evaluations.jsonl"]);
 }
 
+/// Means are compared by Student's t with 3 degrees of freedom, from the replicates of the final picture.
 #[test]
-fn render_makes_the_final_picture_again_from_the_lights_found() {
+fn render_shows_what_the_final_picture_shows() {
     for (toml, free) in [
         (TOML.to_owned(), "radiance,size,background"),
         (TOML.to_owned(), "radiance"),
@@ -176,16 +264,31 @@ fn render_makes_the_final_picture_again_from_the_lights_found() {
         ),
     ] {
         let room = Room::with(OBJ, MTL, &toml);
-        room.succeed(&quick(&["--out", "a", "--seed", "9", "--free", free]));
-        let options = ["--size", "24x18", "--spp", "4", "--seed", "9", "-o", "again.exr"];
+        let samples = ["--final-spp", "512", "--final-noise", "0"];
+        let mut run = vec!["run", "room.obj", "--out", "a", "--seed", "9", "--free", free];
+        run.extend(["--work-size", "16x12", "--size", "24x18", "--spp", "4"]);
+        run.extend(samples);
+        room.succeed(&run);
+        // Its own error is half of that of the final picture.
+        let options = ["--size", "24x18", "--spp", "2048", "--seed", "9", "-o", "again.exr"];
         let mut arguments = vec!["render", "room.obj", "--lights", "a/lights.toml"];
         arguments.extend(options);
         room.succeed(&arguments);
         let (found, again) =
             (read_exr(&room.path("a/final.exr")).unwrap(), read_exr(&room.path("again.exr")).unwrap());
-        for (a, b) in found.parts.iter().zip(&again.parts) {
-            assert!(a.name == b.name && a.channels == b.channels, "{free}: part {}", a.name);
+        for name in ["mask", "albedo", "normal", "depth"] {
+            assert_eq!(found.part(name), again.part(name), "{free}");
         }
+        let mean = |y: &[f32]| y.iter().map(|&y| f64::from(y)).sum::<f64>() / y.len() as f64;
+        let mut of_replicates = Moments::default();
+        let replicates = &found.part("replicates").unwrap().channels;
+        replicates.iter().for_each(|(_, y)| of_replicates.push(mean(y)));
+        let y: Vec<f32> = again.beauty().unwrap().into_iter().map(|rgb| luminance(rgb) as f32).collect();
+        let error = (1.25 * of_replicates.variance_of_mean()).sqrt();
+        let t = (of_replicates.mean() - mean(&y)) / error;
+        // 99.7 % for each of three.
+        assert!(t.abs() < 8.9, "{free}: t {t:.2}");
+        assert!(error < 0.01 * mean(&y), "{free}: {error} of {}", mean(&y));
     }
 }
 
@@ -486,10 +589,7 @@ fn plain_output_is_lines_without_control_characters() {
     for text in [&stdout, &stderr] {
         assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
     }
-    assert!(
-        stderr.contains("evaluation 1/4: f_q ") && stderr.lines().any(|l| l == "final picture"),
-        "{stderr}"
-    );
+    assert!(stderr.contains("evaluation 1/4: f_q ") && stderr.lines().any(|l| l == "pictures"), "{stderr}");
     assert!(
         stdout.starts_with("target high-key\nf_q ") && stdout.ends_with("runs/room-high-key/final.png\n")
     );

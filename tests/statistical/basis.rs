@@ -280,7 +280,7 @@ fn lightings_rendered_together_equal_renders_of_each() {
         let nodes = Values::<N>(std::array::from_fn(|k| lightings[k].value as f32));
         let mut together = vec![Vec::new(); N];
         for seed in 0..n {
-            let mut film = RgbFilm::<N>::by_lighting(size, &lightings.each_ref());
+            let mut film = RgbFilm::by_lighting(size, &lightings.each_ref());
             integrator.render_values(view, &nodes, &shared, &mut film, &[samples(seed)], &()).unwrap();
             for (k, images) in together.iter_mut().enumerate() {
                 images.push(image(&|p| film.sum(p, k)));

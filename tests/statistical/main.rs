@@ -6,6 +6,7 @@ mod basis;
 mod basket;
 mod bsdf;
 mod gradient;
+mod growing;
 mod light;
 mod mitsuba;
 mod noise;

@@ -10,6 +10,7 @@ use crate::{
         choices::{PARTS, one_of},
         common::{ConfinementArgs, PictureArgs, TransportArgs, parse_spp},
     },
+    design::noise::FINAL_NOISE,
     figures::Part,
 };
 
@@ -37,6 +38,9 @@ use crate::{
 #[command(mut_arg("size", |a| a.help("Size of the pictures [default: 480x360; quick: 160x120]")))]
 #[command(mut_arg("work_size", |a| {
     a.help("Size of the pictures that are optimised [default: 128x96; quick: 64x48]")
+}))]
+#[command(mut_arg("final_noise", |a| {
+    a.help("Error that noise may leave in a picture: see `run --help`")
 }))]
 pub struct FiguresArgs {
     /// Directory to write to
@@ -68,7 +72,7 @@ pub struct FiguresArgs {
     #[command(flatten)]
     pub pictures: PictureArgs,
 
-    /// Samples per pixel of the pictures [default: 192; quick: 64]
+    /// Samples per pixel of the pictures at most; --final-noise ends them sooner [default: 192; quick: 64]
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub final_spp: Option<u32>,
 
@@ -87,8 +91,12 @@ pub struct FiguresArgs {
 pub struct Settings {
     /// Size of the pictures shown, pixels.
     pub size: UVec2,
-    /// Samples per pixel of the pictures shown.
+    /// Samples per pixel of the pictures shown, at most.
     pub final_spp: u32,
+    /// Error that noise may leave in the pictures shown.
+    pub final_noise: f64,
+    /// Whether the pictures shown are denoised.
+    pub denoise: bool,
     /// Size of the pictures that are optimised, pixels.
     pub work_size: UVec2,
     /// Samples per pixel of the first transport basis.
@@ -109,6 +117,8 @@ impl Settings {
     const USUAL: Self = Self {
         size: UVec2::new(480, 360),
         final_spp: 192,
+        final_noise: FINAL_NOISE,
+        denoise: true,
         work_size: UVec2::new(128, 96),
         spp: 12,
         tolerance: 0.005,
@@ -120,6 +130,8 @@ impl Settings {
     const QUICK: Self = Self {
         size: UVec2::new(160, 120),
         final_spp: 64,
+        final_noise: FINAL_NOISE,
+        denoise: true,
         work_size: UVec2::new(64, 48),
         spp: 16,
         tolerance: 0.02,
@@ -136,6 +148,8 @@ impl Settings {
         Self {
             size: args.pictures.size.unwrap_or(usual.size),
             final_spp: args.final_spp.unwrap_or(usual.final_spp),
+            final_noise: args.pictures.final_noise,
+            denoise: !args.pictures.no_denoise,
             work_size,
             compared_size: usual.compared_size.min(work_size),
             max_evaluations: args.max_evaluations.unwrap_or(usual.max_evaluations),

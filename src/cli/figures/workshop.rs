@@ -74,6 +74,8 @@ impl<'a> Workshop<'a> {
                 "quick": args.quick,
                 "size": size.to_array(),
                 "final_spp": settings.final_spp,
+                "final_noise": settings.final_noise,
+                "denoise": settings.denoise,
                 "work_size": work_size.to_array(),
                 "spp": settings.spp,
                 "tolerance": settings.tolerance,

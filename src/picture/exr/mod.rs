@@ -122,6 +122,18 @@ impl<R: Read + Seek> ExrFile<R> {
         self.channel("mask", |part| part.name == "mask").or_else(|| self.channel("mask", |_| true))
     }
 
+    /// Part and indices of the channels of the replicates of a picture of this program, in their order: Y0,
+    /// Y1 and so on in the part `replicates`, of which there are two at least.
+    #[must_use]
+    pub fn replicates(&self) -> Option<(usize, Vec<usize>)> {
+        let mut parts = self.headers.parts.iter();
+        let part = parts.position(|part| !part.is_deep && part.name == "replicates")?;
+        let channels = &self.headers.parts[part].channels;
+        let index = |r: usize| channels.iter().position(|c| c.name == format!("Y{r}"));
+        let all: Vec<usize> = (0..channels.len()).map_while(index).collect();
+        (all.len() >= 2).then_some((part, all))
+    }
+
     /// Part and index of the channel of a file that has a single one.
     #[must_use]
     pub fn only_channel(&self) -> Option<[usize; 2]> {
