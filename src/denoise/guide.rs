@@ -14,11 +14,11 @@ const LIGHT_THRESHOLD: f32 = 2.0;
 /// divided out a fifth larger on the textured one.
 const LEAST_ALBEDO: f32 = 0.1;
 
-/// Values of one half with the variance of their noise, row by row.
+/// Values of both halves with the variance of their noise, row by row.
 #[derive(Debug)]
 pub struct Channel {
-    /// Value of each pixel, where 1 is the mean of the group.
-    pub value: Vec<f32>,
+    /// Value of each pixel in each half, where 1 is the mean of the group.
+    pub values: [Vec<f32>; 2],
     /// Variance of the noise of each value.
     pub variance: Vec<f32>,
 }
@@ -26,8 +26,8 @@ pub struct Channel {
 /// Channels of which the mean distance counts.
 #[derive(Debug)]
 pub struct Group {
-    /// Channels of each half.
-    pub halves: [Vec<Channel>; 2],
+    /// Its channels.
+    pub channels: Vec<Channel>,
     /// Distance from which the group lowers a weight.
     pub threshold: f32,
 }
@@ -82,18 +82,14 @@ impl Group {
         let mean =
             values.map(|&v| f64::from(v)).sum::<f64>() / (2 * channels.len() * size[0] * size[1]) as f64;
         let scale = if mean > 0.0 && mean.is_finite() { (1.0 / mean) as f32 } else { 0.0 };
-        let mut halves = [Vec::new(), Vec::new()];
-        for pair in channels {
-            let pair = pair.map(|values| values.iter().map(|v| v * scale).collect::<Vec<f32>>());
+        let scaled = |pair: [Vec<f32>; 2]| {
+            let values = pair.map(|half| half.into_iter().map(|v| v * scale).collect::<Vec<f32>>());
             // Of two values with the same distribution: their variance.
-            let spread: Vec<f32> =
-                pair[0].iter().zip(&pair[1]).map(|(a, b)| 0.5 * (a - b) * (a - b)).collect();
-            let variance = smooth(&spread, size);
-            for (half, value) in halves.iter_mut().zip(pair) {
-                half.push(Channel { value, variance: variance.clone() });
-            }
-        }
-        Self { halves, threshold }
+            let pairs = values[0].iter().zip(&values[1]);
+            let spread: Vec<f32> = pairs.map(|(a, b)| 0.5 * (a - b) * (a - b)).collect();
+            Channel { values, variance: smooth(&spread, size) }
+        };
+        Self { channels: channels.into_iter().map(scaled).collect(), threshold }
     }
 }
 

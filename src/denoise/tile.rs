@@ -94,8 +94,8 @@ impl Tile {
             let groups: Vec<kernels::Group> = (frame.guide.groups.iter())
                 .map(|group| kernels::Group {
                     threshold: group.threshold,
-                    channels: (group.halves[1 - half].iter())
-                        .map(|c| [cutout.plane(|i| c.value[i]), cutout.plane(|i| c.variance[i])])
+                    channels: (group.channels.iter())
+                        .map(|c| [&c.values[1 - half], &c.variance].map(|v| cutout.plane(|i| v[i])))
                         .collect(),
                 })
                 .collect();

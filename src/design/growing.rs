@@ -30,9 +30,9 @@ pub const REPLICATES: usize = 4;
 const OF_HALF: usize = REPLICATES / 2;
 /// Samples of each replicate in the first round: less tells little of the noise.
 const FIRST_ROUND: u32 = 4;
-/// Factor by which samples grow from round to round: at most half of them are more than were needed, and
+/// Factor by which samples grow from round to round: at most a quarter of them are more than were needed, and
 /// measuring the noise stays a small part of the work.
-const ROUND_GROWTH: f64 = 1.5;
+const ROUND_GROWTH: f64 = 1.25;
 /// Samples of a replicate in a pass at most: an interrupt loses no more of them, while emptying the film
 /// takes a fiftieth of the time of a pass of the fruit basket.
 const MAX_PASS: u32 = 4;
@@ -583,10 +583,10 @@ mod tests {
         let scene = scene();
         let between = stopped(u32::MAX, 50);
         assert!(grow(&scene, 1000, &between).unwrap().is_complete());
-        assert_eq!(*between.rounds.lock().unwrap(), [16, 24, 36, 56]);
+        assert_eq!(*between.rounds.lock().unwrap(), [16, 20, 28, 36, 48, 60]);
         let between = stopped(u32::MAX, 1000);
-        assert_eq!(grow(&scene, 30, &between).unwrap().counts, [9, 9, 6, 6]);
-        assert_eq!(*between.rounds.lock().unwrap(), [16, 24, 30]);
+        assert_eq!(grow(&scene, 30, &between).unwrap().counts, [9, 7, 7, 7]);
+        assert_eq!(*between.rounds.lock().unwrap(), [16, 20, 28, 30]);
         // The jackknife needs all replicates.
         assert_eq!(grow(&scene, 1, &|| true).unwrap().counts, [1; 4]);
         // Taken up at the end of a round, it is asked again.

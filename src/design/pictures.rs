@@ -2,7 +2,6 @@
 
 use std::{path::Path, sync::Mutex, time::Instant};
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
@@ -209,7 +208,7 @@ fn take_group(
         reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
     }
     let written: Vec<_> = shots
-        .par_iter()
+        .iter()
         .zip(&objectives)
         .zip(noise)
         .enumerate()
@@ -256,7 +255,8 @@ fn look_at(
         shot.write_png(&shown, setup)?;
         Ok(noise)
     };
-    let noise = shots.par_iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
+    // One after the other, since each fills all threads and takes memory.
+    let noise = shots.iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
     let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
     let asked = setup.options.final_noise;
     let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
