@@ -67,12 +67,11 @@ fn a_light_that_is_no_number_is_an_error_and_no_picture() {
 #[test]
 fn splats_that_do_not_fit_their_cells_are_an_error() {
     let scene = scenes::cornell((16, 16));
-    // Cells are in units of display white as the lighting says; light two thousand million times as
-    // bright does not fit.
+    // Cells are in units of display white as the lighting says and hold 7·10²⁸ of it.
     let dim = Lighting { radiance: vec![1.0], ..Lighting::authored(&scene) };
     assert!(render(&scene, &dim, IntegratorKind::Bdpt, &()).is_ok());
     let mut bright = scene;
-    bright.lights[0].color = Rgb::splat(1e12);
+    bright.lights[0].color = Rgb::splat(1e32);
     let error = render(&bright, &dim, IntegratorKind::Bdpt, &()).unwrap_err();
     assert!(matches!(error, RenderError::Overflow(n) if n > 0), "{error:?}");
     assert!(render(&bright, &dim, IntegratorKind::Path, &()).is_ok(), "nothing is splatted");
