@@ -183,16 +183,22 @@ fn a_second_signal_ends_at_once_and_what_nohup_ignores_is_ignored() {
 }
 
 /// A limit of the size of files, 40 blocks of 512 or 1024 bytes, is what a full disk is.
-#[test]
-fn a_file_that_may_not_grow_is_an_error() {
-    let room = Room::new();
+/// Runs the program with arguments under a limit of `ulimit`, with which it must fail; returns what it says.
+fn fail_under(room: &Room, limit: &str, arguments: &str) -> String {
     let program = assert_cmd::cargo::cargo_bin("lightopt-embree");
-    let script = "ulimit -f 40; exec \"$0\" render room.obj --size 128x96 --spp 1 -o a.exr";
+    let script = format!("ulimit {limit}; exec \"$0\" {arguments}");
     let mut command = Command::new("sh");
-    command.current_dir(room.directory.path()).args(["-c", script]).arg(program);
+    command.current_dir(room.directory.path()).args(["-c", &script]).arg(program);
     let out = command.output().unwrap();
     let error = String::from_utf8(out.stderr).unwrap();
     assert_eq!(out.status.code(), Some(1), "{error}");
+    error
+}
+
+#[test]
+fn a_file_that_may_not_grow_is_an_error() {
+    let room = Room::new();
+    let error = fail_under(&room, "-f 40", "render room.obj --size 128x96 --spp 1 -o a.exr");
     let last = error.lines().last().unwrap();
     assert!(last.starts_with("error: a.exr: ") && last.contains("File too large"), "{error}");
     assert_eq!(names(room.directory.path()), ["room.mtl", "room.obj", "room.toml"]);
@@ -201,15 +207,13 @@ fn a_file_that_may_not_grow_is_an_error() {
 #[test]
 fn a_log_that_may_not_grow_ends_with_a_whole_line() {
     let room = Room::new();
-    let program = assert_cmd::cargo::cargo_bin("lightopt-embree");
     // More than any picture takes, and less than the log.
-    let script = "ulimit -f 41; exec \"$0\" run room.obj --out a --gradient fd --max-evaluations 60 \
-                  --tolerance 0.5 --work-size 16x12 --size 24x18 --spp 4 --final-spp 4";
-    let mut command = Command::new("sh");
-    command.current_dir(room.directory.path()).args(["-c", script]).arg(program);
-    let out = command.output().unwrap();
-    let error = String::from_utf8(out.stderr).unwrap();
-    assert_eq!(out.status.code(), Some(1), "{error}");
+    let error = fail_under(
+        &room,
+        "-f 41",
+        "run room.obj --out a --gradient fd --max-evaluations 60 --tolerance 0.5 --work-size 16x12 \
+         --size 24x18 --spp 4 --final-spp 4",
+    );
     let last = error.lines().last().unwrap();
     assert!(last.starts_with("error: a/evaluations.jsonl: cannot append to the log: "), "{error}");
     let log = fs::read_to_string(room.path("a/evaluations.jsonl")).unwrap();
