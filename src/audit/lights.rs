@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use super::stored::About;
 use crate::{
     files::{nearest, number::Number, toml_file::TomlError},
-    lighting::{Lighting, MAX_EXPOSURE, MAX_RADIANCE},
+    lighting::{self, Lighting},
     scene::Scene,
     transport::Layout,
 };
@@ -154,7 +154,8 @@ impl LightsFile {
             x.value = f64::from(value as f32);
         }
         if let Some(e) = self.exposure {
-            x.exposure = exposure(e).map_err(|message| fail("exposure".into(), message))?;
+            let exposure = lighting::exposure(e).map_err(|message| fail("exposure".into(), message))?;
+            x.exposure = f64::from(exposure);
         }
         Ok(())
     }
@@ -212,7 +213,8 @@ impl LightsFile {
             x.value = value.min(largest);
         }
         if let Some(e) = self.exposure {
-            x.exposure = exposure(e).map_err(|message| fail("exposure".into(), message))?;
+            let exposure = lighting::exposure(e).map_err(|message| fail("exposure".into(), message))?;
+            x.exposure = f64::from(exposure);
         }
         Ok(())
     }
@@ -220,19 +222,5 @@ impl LightsFile {
 
 /// The radiance of a light, or its key and what is wrong with it.
 fn radiance(light: &LightSetting) -> Result<f32, (String, String)> {
-    let radiance = light.radiance as f32;
-    if (0.0..=MAX_RADIANCE).contains(&radiance) {
-        return Ok(radiance);
-    }
-    let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Number(light.radiance));
-    Err((format!("lights.{}.radiance", light.name), message))
-}
-
-/// The exposure, or what is wrong with it.
-fn exposure(given: f64) -> Result<f64, String> {
-    let (exposure, least) = (given as f32, 1.0 / MAX_EXPOSURE);
-    if (least..=MAX_EXPOSURE).contains(&exposure) {
-        return Ok(f64::from(exposure));
-    }
-    Err(format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {}", Number(given)))
+    lighting::radiance(light.radiance).map_err(|message| (format!("lights.{}.radiance", light.name), message))
 }

@@ -99,7 +99,7 @@ struct Subject {
 struct Measured {
     /// f_q and its terms, from the replicates where there are any.
     evaluation: Evaluation,
-    /// Of a picture with replicates: the error of that f_q, and f_q of the picture as it is.
+    /// The error of f_q from replicates, and f_q of the picture as it is; `None` without replicates.
     of_picture: Option<OfPicture>,
 }
 

@@ -26,7 +26,7 @@ use crate::{
         number::{Number, Numbers},
         reach::{MAX_TEXT_BYTES, Reach, ReachError},
     },
-    lighting::MAX_EXPOSURE,
+    lighting,
     scene::Scene,
     variables::Constraints,
 };
@@ -249,12 +249,7 @@ impl Source<'_> {
     }
 
     fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {
-        let (exposure, least) = (sidecar.exposure as f32, 1.0 / MAX_EXPOSURE);
-        if (least..=MAX_EXPOSURE).contains(&exposure) {
-            return Ok(exposure);
-        }
-        let got = Number(sidecar.exposure);
-        Err(self.error("exposure", format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {got}")))
+        lighting::exposure(sidecar.exposure).map_err(|message| self.error("exposure", message))
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {

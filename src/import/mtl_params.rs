@@ -12,7 +12,7 @@ use glam::Affine2;
 use super::{
     error::ImportError,
     mtl::{MapKind, MapSpec, MtlMaterial, Origin},
-    range::{self, UNIT},
+    range::{self, MAX_IOR, UNIT},
     warnings::Warnings,
     wavefront::name_before_comment,
 };
@@ -30,8 +30,6 @@ use crate::{
 
 /// IOR of a coat or glass whose file does not say: crown glass, as glTF has it.
 const DEFAULT_IOR: f32 = 1.5;
-/// Largest IOR of a coat or glass, germanium's, as in a sidecar.
-const MAX_IOR: f32 = 4.0;
 /// Largest exponent `Ns`, of a highlight 0.1° wide; the format names no bound, and files have up to 10⁵.
 const MAX_NS: f32 = 1e6;
 /// Largest exponent `Ns` in files of Blender, whose old exporter has written up to 511 · 1.96.
@@ -143,7 +141,7 @@ impl Reader {
             return Ok(params);
         }
         let opacity_map = self.opacity_map(m)?;
-        let opacity = match (is_known(m, m.d), m.tr) {
+        let opacity = match (known(m, m.d), m.tr) {
             // Not invisible: programs write it for what they do not know.
             (Some(-1.0), _) => {
                 self.warn(m, "`d` -1 is not in [0, 1]: 1 is taken");
@@ -165,7 +163,7 @@ impl Reader {
     fn report_refraction(&mut self, m: &MtlMaterial, params: &MaterialParams) {
         let is_glass = params.model.transmits();
         let is_coated = params.model == Model::Plastic;
-        let ni = is_known(m, m.ni).filter(|_| is_glass || is_coated);
+        let ni = known(m, m.ni).filter(|_| is_glass || is_coated);
         if let Some(ni) = ni.filter(|&n| is_glass && n <= 1.0 || n < 1.0) {
             self.warn(m, format_args!("`Ni` {} is not above 1: {DEFAULT_IOR} is taken", Number(ni)));
         }
@@ -240,7 +238,7 @@ impl Reader {
         };
         let full = if m.origin == Origin::OldBlender { 900.0 } else { 1000.0 };
         let from_ns = |ns: f32| 1.0 - (ns / full).min(1.0).sqrt();
-        let roughness = match is_known(m, m.pr) {
+        let roughness = match known(m, m.pr) {
             _ if roughness_map.is_some() => 1.0,
             Some(pr) => self.number(m, "Pr", pr, UNIT),
             None => self.known_number(m, "Ns", m.ns, [0.0, BLENDER_NS]).map_or(DEFAULT_ROUGHNESS, from_ns),
@@ -281,7 +279,7 @@ impl Reader {
         value: Option<f32>,
         range: [f32; 2],
     ) -> Option<f32> {
-        is_known(m, value).map(|value| self.number(m, key, value, range))
+        known(m, value).map(|value| self.number(m, key, value, range))
     }
 
     /// The colour of a keyword in its range; what is not in it is said.
@@ -381,7 +379,7 @@ impl Reader {
 }
 
 /// A number, if the program that wrote the file knew it: what Blender does not know it writes as −1.
-fn is_known(m: &MtlMaterial, value: Option<f32>) -> Option<f32> {
+fn known(m: &MtlMaterial, value: Option<f32>) -> Option<f32> {
     value.filter(|&v| m.origin == Origin::Other || v != -1.0)
 }
 

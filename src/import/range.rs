@@ -9,6 +9,8 @@ use crate::{
 
 /// Range of a share.
 pub const UNIT: [f32; 2] = [0.0, 1.0];
+/// Largest IOR of a coat or glass, germanium's.
+pub const MAX_IOR: f32 = 4.0;
 /// What lies less outside its range is a rounding of the program that wrote it, and not worth a word.
 const ROUNDING: f32 = 1e-3;
 

@@ -8,7 +8,7 @@ mod plan;
 
 use serde::{Deserialize, Serialize};
 
-use crate::scene::Scene;
+use crate::{files::number::Number, scene::Scene};
 
 pub use plan::{SampleCounts, SamplingPlan};
 
@@ -17,6 +17,30 @@ pub const MAX_EXPOSURE: f32 = 1e12;
 /// Largest radiance of a light, in the light's own unit; that of the sun's disc is 2e7. Films sum in
 /// units of display white, which at larger radiances leave the range of f32.
 pub const MAX_RADIANCE: f32 = 1e15;
+
+/// The radiance of a light, if it is in the range that can be computed with; otherwise what is allowed.
+///
+/// # Errors
+/// When it is negative, larger than [`MAX_RADIANCE`], or no number.
+pub fn radiance(given: f64) -> Result<f32, String> {
+    let radiance = given as f32;
+    if (0.0..=MAX_RADIANCE).contains(&radiance) {
+        return Ok(radiance);
+    }
+    Err(format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Number(given)))
+}
+
+/// The exposure, if it is in the range that can be computed with; otherwise what is allowed.
+///
+/// # Errors
+/// When it is less than 1 / [`MAX_EXPOSURE`], larger than [`MAX_EXPOSURE`], or no number.
+pub fn exposure(given: f64) -> Result<f32, String> {
+    let (exposure, least) = (given as f32, 1.0 / MAX_EXPOSURE);
+    if (least..=MAX_EXPOSURE).contains(&exposure) {
+        return Ok(exposure);
+    }
+    Err(format!("must be from {least:e} to {MAX_EXPOSURE:e}, got {}", Number(given)))
+}
 
 /// Values of everything that varies between pictures of a scene. Vectors are by light, in the scene's
 /// order.

@@ -82,11 +82,9 @@ impl Source<'_> {
             None => emission.or(own.map(|l| l.color)).unwrap_or(Rgb::ONE),
         };
         let size = reader.size(&shape)?;
-        let radiance = match spec.radiance {
-            Some(radiance) => f64::from(self.radiance(&reader.key("radiance"), radiance)?),
-            None => emission.map(luminance).or_else(|| reader.own_radiance(&shape)).map_or(1.0, f64::from),
-        };
-        let radiance = self.radiance(&reader.key("radiance"), radiance)?;
+        let of_file =
+            || emission.map(luminance).or_else(|| reader.own_radiance(&shape)).map_or(1.0, f64::from);
+        let radiance = self.radiance(&reader.key("radiance"), spec.radiance.unwrap_or_else(of_file))?;
         Ok(Light {
             name: spec.name.clone(),
             shape,

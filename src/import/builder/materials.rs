@@ -9,6 +9,7 @@ use crate::{
     files::number::{Number, Numbers},
     import::{
         error::ImportError,
+        range::MAX_IOR,
         sidecar::{MaterialSpec, Sidecar},
     },
     lighting::MAX_RADIANCE,
@@ -69,8 +70,8 @@ impl Source<'_> {
             }
         }
         if let Some(ior) = spec.ior {
-            if !(ior > 1.0 && ior <= 4.0) {
-                return Err(self.error(key("ior"), format!("must be in (1, 4], got {}", Number(ior))));
+            if !(ior > 1.0 && ior <= f64::from(MAX_IOR)) {
+                return Err(self.error(key("ior"), format!("must be in (1, {MAX_IOR}], got {}", Number(ior))));
             }
             params.ior = ior as f32;
         }

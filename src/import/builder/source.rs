@@ -12,7 +12,7 @@ use crate::{
         reach::Reach,
     },
     import::{error::ImportError, find::ending},
-    lighting::MAX_RADIANCE,
+    lighting,
     math::Rgb,
 };
 
@@ -129,12 +129,7 @@ impl<'a> Source<'a> {
 
     /// A radiance, if it is not negative and no larger than any light may be.
     pub fn radiance(&self, key: &str, value: f64) -> Result<f32, ImportError> {
-        let rounded = value as f32;
-        if (0.0..=MAX_RADIANCE).contains(&rounded) {
-            return Ok(rounded);
-        }
-        let message = format!("must be >= 0 and at most {MAX_RADIANCE:e}, got {}", Number(value));
-        Err(self.error(key, message))
+        lighting::radiance(value).map_err(|message| self.error(key, message))
     }
 
     /// An angle of any number of turns, degrees.

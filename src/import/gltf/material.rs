@@ -18,7 +18,13 @@ use super::{
     texture::{MaterialContext, TextureRef, Textures, UvMapping},
 };
 use crate::{
-    import::{error::ImportError, imported::UniqueNames, range::UNIT, sheets, warnings::Warnings},
+    import::{
+        error::ImportError,
+        imported::UniqueNames,
+        range::{MAX_IOR, UNIT},
+        sheets,
+        warnings::Warnings,
+    },
     math::Rgb,
     scene::{
         Mesh,
@@ -36,8 +42,6 @@ const GLASS: f32 = 0.5;
 const DEFAULT_CUTOFF: f32 = 0.5;
 /// Least index of refraction of a coat or glass: at 1 it would neither reflect nor bend.
 const MIN_IOR: f32 = 1.001;
-/// Largest index of refraction of a coat or glass: germanium's, and what the sidecar allows.
-const MAX_IOR: f32 = 4.0;
 /// Range of a factor that the format bounds below only.
 const NOT_NEGATIVE: [f32; 2] = [0.0, f32::INFINITY];
 /// Extension that makes glass solid.
