@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
@@ -84,10 +84,8 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
         (true, Some(features)) => {
             let size = [shown.width, shown.height];
             let denoised = features.read(size).and_then(|features| basis.denoised(&x, &features));
-            match denoised {
-                None => bail!("{}: the basis cannot be denoised", args.basis.display()),
-                denoised => denoised,
-            }
+            let fault = || format!("{}: the basis cannot be denoised", args.basis.display());
+            Some(denoised.with_context(fault)?)
         }
     };
     if is_exr {

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 
 use super::render::Renderer;
 use crate::{
-    denoise::denoise,
+    denoise::{denoise, denoise_picture},
+    files::parts::write_numbers,
     film::{Picture, RgbFilm},
     integrator::{Observer, RenderError, Samples, Values, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
@@ -30,14 +31,12 @@ pub const REPLICATES: usize = 4;
 const OF_HALF: usize = REPLICATES / 2;
 /// Samples of each replicate in the first round: less tells little of the noise.
 const FIRST_ROUND: u32 = 4;
-/// Factor by which samples grow from round to round: at most a quarter of them are more than were needed, and
-/// measuring the noise stays a small part of the work.
+/// Factor by which the samples of a replicate grow from round to round, rounded up: what is rendered beyond
+/// what was needed is a quarter of it at most, and less than a sample of each replicate.
 const ROUND_GROWTH: f64 = 1.25;
 /// Samples of a replicate in a pass at most: an interrupt loses no more of them, while emptying the film
 /// takes a fiftieth of the time of a pass of the fruit basket.
 const MAX_PASS: u32 = 4;
-/// Numbers that are written at a time.
-const CHUNK: usize = 1 << 13;
 
 /// Pictures to be rendered together.
 #[derive(Clone, Copy, Debug)]
@@ -149,9 +148,7 @@ impl Grown {
     /// Picture of the k-th lighting without its noise.
     #[must_use]
     pub fn denoised(&self, k: usize, features: &Features) -> Picture {
-        let halves = self.halves(k);
-        let [a, b] = halves.each_ref().map(|half| half.lights.as_slice());
-        Picture::of_lights([halves[0].width, halves[0].height], denoise(features, [a, b]))
+        denoise_picture(features, &self.halves(k))
     }
 
     /// Radiance of the k-th lighting from either half of the replicates, each without its noise, row by row:
@@ -209,16 +206,9 @@ impl Grown {
     /// # Errors
     /// When `out` cannot be written to.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
-        self.counts.iter().try_for_each(|count| out.write_all(&count.to_le_bytes()))?;
-        for chunk in self.halves.iter().flat_map(|sums| sums.chunks(CHUNK)) {
-            let bytes: Vec<u8> = chunk.iter().flat_map(|v| v.to_le_bytes()).collect();
-            out.write_all(&bytes)?;
-        }
-        for chunk in self.beauties.iter().flat_map(|sums| sums.as_flattened().chunks(CHUNK)) {
-            let bytes: Vec<u8> = chunk.iter().flat_map(|v| v.to_le_bytes()).collect();
-            out.write_all(&bytes)?;
-        }
-        Ok(())
+        write_numbers(out, self.counts.iter().map(|count| count.to_le_bytes()))?;
+        write_numbers(out, self.halves.iter().flatten().map(|sum| sum.to_le_bytes()))?;
+        write_numbers(out, self.beauties.iter().flat_map(|sums| sums.as_flattened()).map(|v| v.to_le_bytes()))
     }
 
     /// Takes the samples of pictures of the same size and lightings that [`Self::write`] has written, and
@@ -248,9 +238,9 @@ struct Layers<'a> {
     of: &'a Grown,
     /// Index of the lighting.
     k: usize,
-    /// Their sums.
+    /// Sums of the samples, as [`Grown::halves`] are.
     sums: &'a [&'a Vec<f64>],
-    /// Their number.
+    /// Number of samples per pixel in the sums.
     count: u32,
 }
 

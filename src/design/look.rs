@@ -164,7 +164,6 @@ impl LookSearch<'_, '_> {
         cut_short: Option<StopReason>,
     ) -> Result<(usize, Found), RunError> {
         let clock = Instant::now();
-        self.write(now, setup)?;
         record(now, &self.best, setup, self.task)?;
         self.log_time("record", clock)?;
         let clock = Instant::now();

@@ -98,10 +98,11 @@ pub fn estimate(replicates: &[Vec<f64>], display: Display) -> Noise {
 ///
 /// A denoised picture D is biased, which no spread among its like shows. But with B₀ and B₁ independent of it
 /// and of each other, and right in the mean, the mean of (D − B₀)(D − B₁) is the squared error of D, bias
-/// included, whatever the noise of B₀ and B₁. Each half is so judged by the replicates of the other.
-/// Their mean has the same bias and half their variance, and a quarter of their squared difference is what it has
-/// less. Errors are multiplied by the slope of the display's curve, up to all of its range: more is no error that
-/// could be shown, and rare bright samples would decide what is told.
+/// included, whatever the noise of B₀ and B₁. Each denoised half is so judged by the replicates of the other
+/// half. The picture that is shown is the mean of the two: it has their bias and half of the variance of
+/// either, which is less by a quarter of their squared difference. Errors are multiplied by the slope of the
+/// display's curve, up to all of its range: more is no error that could be shown, and rare bright samples would
+/// decide what is told.
 ///
 /// # Panics
 /// When the pictures differ in size.

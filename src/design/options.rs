@@ -91,8 +91,8 @@ pub struct RunOptions {
     pub spp: Option<u32>,
     /// Samples per pixel of the final picture at most.
     pub final_spp: u32,
-    /// [Error](Noise::error) that noise may leave in the final picture as it is shown: no more samples are taken when it
-    /// is below; with 0 as many are as may be.
+    /// [Error](Noise::error) that noise may leave in the final picture as it is shown: no more samples are
+    /// taken when it is below; with 0 as many are as may be.
     pub final_noise: f64,
     /// Whether pictures that are looked at are denoised; what is measured never is.
     pub denoise: bool,

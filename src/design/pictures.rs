@@ -178,7 +178,7 @@ fn take_group(
     let (failure, last_look) = (Mutex::new(None), Mutex::new((0, Vec::new())));
     let is_enough = |grown: &Grown| match look_at(shots, grown, features, setup, reporter) {
         Ok(noise) => {
-            let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+            let error = largest_counted(shots, &noise);
             last_look.lock().map(|mut last| *last = (grown.spp(), noise)).is_ok()
                 && error < options.final_noise
         }
@@ -242,6 +242,11 @@ fn trace(shots: &[Shot], view: View) -> Vec<(f32, Aovs)> {
     values.into_iter().map(|value| (value, aov::trace(view, value))).collect()
 }
 
+/// Largest of the errors of pictures that are compared with what is allowed.
+fn largest_counted(shots: &[Shot], noise: &[Noise]) -> f64 {
+    shots.iter().zip(noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max)
+}
+
 /// Refreshes the pictures on disk after a round, and measures and tells how noisy they are.
 fn look_at(
     shots: &[Shot],
@@ -257,7 +262,7 @@ fn look_at(
     };
     // One after the other, since each fills all threads and takes memory.
     let noise = shots.iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
-    let error = shots.iter().zip(&noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max);
+    let error = largest_counted(shots, &noise);
     let asked = setup.options.final_noise;
     let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
     reporter.progress(&format!("pictures: noise {error:.4}{wanted}"));
@@ -281,7 +286,8 @@ fn write(
     let rendered = grown.picture(k);
     let display = options.luminance.encode_image(&rendered.rgb, exposure);
     // As the EXR has them.
-    let linear = grown.luminances(k).map(widened);
+    let luminances = grown.luminances(k);
+    let linear = luminances.clone().map(widened);
     let denoised = features.map(|features| grown.denoised(k, features));
     let replicates = Replicates { linear: &linear, luminance: options.luminance, exposure };
     shot.write_png(&denoised.as_ref().unwrap_or(&rendered).rgb, setup)?;
@@ -297,7 +303,7 @@ fn write(
             attribute["incomplete"] = true.into();
         }
         let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.luminance, attribute);
-        exr.parts.push(picture::replicates(grown.luminances(k)));
+        exr.parts.push(picture::replicates(luminances.clone()));
         exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
         let write = if is_incomplete { write_exr_plain } else { write_exr };
         write(&task.job.out.join(shot.name).with_extension("exr"), &exr)?;

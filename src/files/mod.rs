@@ -5,6 +5,7 @@ pub mod atomic;
 pub mod csv_file;
 mod nearest;
 pub mod number;
+pub mod parts;
 pub mod reach;
 pub mod text;
 pub mod toml_file;

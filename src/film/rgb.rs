@@ -8,8 +8,8 @@ use std::{
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
-use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer, splat::CHUNK};
-use crate::lighting::Lighting;
+use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer};
+use crate::{files::parts::write_numbers, lighting::Lighting};
 
 /// A film that sums contributions into pictures: one of each light alone, for unit radiance, in one lighting
 /// or in several, or one of each of several lightings.
@@ -143,10 +143,7 @@ impl RgbFilm {
     /// # Errors
     /// When `out` cannot be written to.
     pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
-        for chunk in self.sums.chunks(CHUNK) {
-            let bytes: Vec<u8> = chunk.iter().flat_map(|sum| sum.to_le_bytes()).collect();
-            out.write_all(&bytes)?;
-        }
+        write_numbers(out, self.sums.iter().map(|sum| sum.to_le_bytes()))?;
         self.splats.write_sums(out)
     }
 
@@ -207,12 +204,6 @@ impl RgbFilm {
                 *onto += std::mem::take(sum) + splats.take(i, scales[i % pixel / 3]);
             }
         });
-    }
-
-    /// Leaves the film empty.
-    pub fn clear(&mut self) {
-        self.sums.par_iter_mut().for_each(|sum| *sum = 0.0);
-        self.splats.clear();
     }
 
     /// Sum over all samples of a pixel in a picture, splats included; pixels are counted row

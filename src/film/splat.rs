@@ -10,7 +10,7 @@ use std::{
 
 use rayon::prelude::*;
 
-use crate::math::Rgb;
+use crate::{files::parts::write_numbers, math::Rgb};
 
 /// Value of 1 in fixed point, 2³²: 32 fractional bits resolve 2.3·10⁻¹⁰ of display white, far
 /// below the noise of any picture. 32 integer bits hold 4·10⁹ times white; where that is not enough, at
@@ -20,9 +20,6 @@ const ONE: f64 = 4_294_967_296.0;
 const UPPER: f64 = 18_446_744_073_709_551_616.0;
 /// Least value in fixed point that is refused, 2¹²⁶: smaller ones leave room in the upper word for a carry.
 const TOO_LARGE: f64 = 8.507_059_173_023_462e37;
-
-/// Numbers that are written at a time.
-pub(super) const CHUNK: usize = 1 << 13;
 
 /// Fixed-point sums (32.32 bits, 96.32 where needed) of RGB values, shared by all threads.
 ///
@@ -69,10 +66,7 @@ impl SplatBuffer {
     /// When `out` cannot be written to.
     pub fn write_sums(&self, out: &mut dyn Write) -> io::Result<()> {
         let upper = self.upper.get().map_or(&[][..], Vec::as_slice);
-        for chunk in self.cells.chunks(CHUNK) {
-            let bytes: Vec<u8> = chunk.iter().flat_map(|c| c.load(Ordering::Relaxed).to_le_bytes()).collect();
-            out.write_all(&bytes)?;
-        }
+        write_numbers(out, self.cells.iter().map(|cell| cell.load(Ordering::Relaxed).to_le_bytes()))?;
         // Of the upper words only those that are not 0, each after its place.
         let upper = upper.iter().map(|c| c.load(Ordering::Relaxed)).enumerate().filter(|(_, word)| *word > 0);
         let upper: Vec<(usize, u64)> = upper.collect();
@@ -148,12 +142,6 @@ impl SplatBuffer {
             None => (0..n_parts).map(|_| &mut [][..]).collect(),
         };
         self.cells.par_chunks_mut(length).zip(upper).map(|(lower, upper)| Part { lower, upper })
-    }
-
-    /// Sets every cell to zero.
-    pub fn clear(&mut self) {
-        self.cells.par_iter_mut().for_each(|cell| *cell.get_mut() = 0);
-        self.upper = OnceLock::new();
     }
 
     /// Number of values that did not fit.

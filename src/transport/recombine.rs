@@ -9,7 +9,7 @@ use super::{
     layout::{COLOURS, Layout},
 };
 use crate::{
-    denoise::denoise, film::Picture, integrator::aov::Features, lighting::Lighting,
+    denoise::denoise_picture, film::Picture, integrator::aov::Features, lighting::Lighting,
     math::display::LUMINANCE_WEIGHTS,
 };
 
@@ -264,8 +264,7 @@ impl TransportBasis {
     /// The picture of a lighting without its noise; `None` from fewer than two replicates.
     #[must_use]
     pub fn denoised(&self, x: &Lighting, features: &Features) -> Option<Picture> {
-        let [a, b] = self.half_pictures(x)?;
-        Some(Picture::of_lights([a.width, a.height], denoise(features, [&a.lights, &b.lights])))
+        Some(denoise_picture(features, &self.half_pictures(x)?))
     }
 
     /// Pictures of a lighting, each the mean over one of the `parts` of the replicates.
