@@ -61,6 +61,7 @@
 //!   2017.
 //! - \[Dupuy23\] J. Dupuy, A. Benyoub, *Sampling Visible GGX Normals with Spherical Caps*,
 //!   CGF 42(8), 2023.
+//! - \[Cochran77\] W. G. Cochran, *Sampling Techniques*, third edition, Wiley 1977.
 //! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM
 //!   1982.
 //! - \[Ericson04\] C. Ericson, *Real-Time Collision Detection*, Morgan Kaufmann 2004.

@@ -104,7 +104,7 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = parse_spp)]
     pub spp: Option<u32>,
 
-    /// Samples per pixel of the final picture at most, no less than 4; --final-noise ends it sooner
+    /// Samples of a pixel of the final picture at most, no less than 4; --final-noise ends it sooner
     #[arg(long, value_name = "N", default_value = "192", value_parser = parse_spp)]
     pub final_spp: u32,
 

@@ -1,16 +1,21 @@
 //! Pictures of several lightings that grow together, from one render, until they are good enough.
 //!
 //! A light's size is an indicator and its radiance a factor, so that the samples of one render make the
-//! picture of every lighting. They come in [`REPLICATES`] replicates, from whose differences the noise is known.
-//! The first half of the replicates makes one picture of each light, the second half another: two halves
-//! that are independent, for whoever must not look at what it judges.
+//! picture of every lighting. They come in [`REPLICATES`] replicates, from whose differences the noise is
+//! known. The first half of the replicates makes one picture of each light, the second half another: two
+//! halves that are independent, for whoever must not look at what it judges.
 //!
-//! A render proceeds in passes, of which each adds samples to every replicate in turn, and in rounds, after
-//! each of which it is asked whether that is enough. Both are the same for every render, so that a picture
-//! of some number of samples is the same whatever the threads and the clock, and whether the render was
-//! stopped on the way.
+//! A render proceeds in rounds, after each of which it is asked whether that is enough, and if not, how many
+//! samples each tile of the picture is to have next; all replicates have the same number in a tile. A round
+//! proceeds in passes, of which each adds samples to one replicate. Both are the same for every render, so that
+//! a picture of some number of samples is the same whatever the threads and the clock, and whether the
+//! render was stopped on the way.
 
-use std::io::{self, Write};
+use std::{
+    io::{self, Write},
+    ops::Range,
+    sync::atomic::{AtomicU64, Ordering},
+};
 
 use glam::UVec2;
 use rayon::prelude::*;
@@ -19,24 +24,24 @@ use super::render::Renderer;
 use crate::{
     denoise::{denoise, denoise_picture},
     files::parts::write_numbers,
-    film::{Picture, RgbFilm},
-    integrator::{Observer, RenderError, Samples, Values, View, aov::Features},
+    film::{Picture, RgbFilm, tiling::Tiling},
+    integrator::{Observer, RenderError, Taken, TileSamples, Values, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
-    math::display::luminance,
+    math::{display::luminance, hash::hash_words},
 };
 
 /// Replicates of a picture: the jackknife's bias and error estimates need four.
 pub const REPLICATES: usize = 4;
 /// Replicates of each of the two halves.
 const OF_HALF: usize = REPLICATES / 2;
-/// Samples of each replicate in the first round: less tells little of the noise.
+/// Samples of each replicate in the first round. With 2 or 3 the fruit basket took a quarter more time, since less
+/// was known of where its noise lies.
 const FIRST_ROUND: u32 = 4;
-/// Factor by which the samples of a replicate grow from round to round, rounded up: what is rendered beyond
-/// what was needed is a quarter of it at most, and less than a sample of each replicate.
-const ROUND_GROWTH: f64 = 1.25;
-/// Samples of a replicate in a pass at most: an interrupt loses no more of them, while emptying the film
-/// takes a fiftieth of the time of a pass of the fruit basket.
+/// Samples of a replicate in a pass at most, in the mean over the tiles: an interrupt loses no more of them,
+/// while emptying the film takes a fiftieth of the time of a pass of the fruit basket.
 const MAX_PASS: u32 = 4;
+/// Side of the tiles that have numbers of samples of their own, pixels.
+const SIDE: u32 = 16;
 
 /// Pictures to be rendered together.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +58,14 @@ pub struct Wanted<'a> {
     pub spp: u32,
 }
 
+impl Wanted<'_> {
+    /// Samples per pixel of the r-th replicate at most.
+    fn most(&self, r: usize) -> u32 {
+        let spp = self.spp.max(REPLICATES as u32);
+        spp / REPLICATES as u32 + u32::from((r as u32) < spp % REPLICATES as u32)
+    }
+}
+
 /// What happens between the passes of pictures that grow.
 pub trait Between: Sync {
     /// Whether the render is to end, with the samples that it has.
@@ -63,9 +76,11 @@ pub trait Between: Sync {
     }
     /// Called after each pass of a replicate, and with `is_last` when there are no more to come.
     fn passed(&self, _grown: &Grown, _is_last: bool) {}
-    /// Called after each round; whether the pictures are good enough. The answer must depend on them alone.
-    fn is_enough(&self, _grown: &Grown) -> bool {
-        false
+    /// Called after each round but the last that there may be: `None` if the pictures are good enough,
+    /// otherwise the samples per pixel of each replicate that every tile of [`Grown::tiling`] is to have after the
+    /// next round. The answer must depend on the pictures alone.
+    fn next_round(&self, grown: &Grown) -> Option<Vec<u32>> {
+        Some(vec![u32::MAX; grown.tiling().len()])
     }
 }
 
@@ -75,42 +90,67 @@ impl<F: Fn() -> bool + Sync> Between for F {
     }
 }
 
+/// Sums of samples, as `[pixel][picture][rgb]`.
+#[derive(Clone, Debug)]
+struct Sums {
+    /// What the pixels' own samples bring.
+    own: Vec<f32>,
+    /// What light subpaths bring to pixels that the camera sees them in.
+    splats: Vec<f32>,
+}
+
+impl Sums {
+    fn new(n: usize) -> Self {
+        Self { own: vec![0.0; 3 * n], splats: vec![0.0; 3 * n] }
+    }
+}
+
 /// Pictures of several lightings with the samples that they have.
 #[derive(Clone, Debug)]
 pub struct Grown {
-    size: UVec2,
+    tiling: Tiling,
     lightings: Vec<Lighting>,
-    /// Samples per pixel of each replicate.
-    counts: [u32; REPLICATES],
+    /// Samples per pixel of each replicate, by tile, when the present round began.
+    done: Vec<u32>,
+    /// Samples per pixel of each replicate, by tile, when the present round is done.
+    wanted: Vec<u32>,
+    /// Samples of each replicate in the present round so far, in the tiles that have the most of them.
+    passed: [u32; REPLICATES],
+    /// Samples per pixel of each replicate at most.
+    most: [u32; REPLICATES],
     /// Whether they are good enough or have as many samples as they may.
     is_complete: bool,
-    /// Sums of the samples of each half as `[pixel][lighting][light][rgb]`, for unit radiance.
-    halves: [Vec<f64>; 2],
-    /// Sums of the samples of each replicate as `[replicate][pixel][lighting]`, with all lights at their
-    /// radiance.
-    beauties: [Vec<[f32; 3]>; REPLICATES],
+    /// Sums of either half of the replicates, of the pictures of each light in each lighting, for unit radiance.
+    halves: [Sums; 2],
+    /// Sums of each replicate, of the picture of each lighting with all lights at their radiance.
+    beauties: [Sums; REPLICATES],
 }
 
 impl Grown {
     /// Pictures without samples.
-    fn new(size: UVec2, lightings: &[&Lighting]) -> Self {
-        let n_pixels = size.element_product() as usize;
-        let n_layers: usize = lightings.iter().map(|x| x.n_lights()).sum();
+    fn new(wanted: &Wanted) -> Self {
+        let tiling = Tiling { size: wanted.view.camera.size(), side: SIDE };
+        let n_pixels = tiling.size.element_product() as usize;
+        let n_layers: usize = wanted.lightings.iter().map(|x| x.n_lights()).sum();
+        let most: [u32; REPLICATES] = std::array::from_fn(|r| wanted.most(r));
         Self {
-            size,
-            lightings: lightings.iter().map(|&x| x.clone()).collect(),
-            counts: [0; REPLICATES],
+            tiling,
+            lightings: wanted.lightings.iter().map(|&x| x.clone()).collect(),
+            done: vec![0; tiling.len()],
+            wanted: vec![FIRST_ROUND.min(most[0]); tiling.len()],
+            passed: [0; REPLICATES],
+            most,
             is_complete: false,
-            halves: std::array::from_fn(|_| vec![0.0; 3 * n_pixels * n_layers]),
-            beauties: std::array::from_fn(|_| vec![[0.0; 3]; n_pixels * lightings.len()]),
+            halves: std::array::from_fn(|_| Sums::new(n_pixels * n_layers)),
+            beauties: std::array::from_fn(|_| Sums::new(n_pixels * wanted.lightings.len())),
         }
     }
 
     /// Memory that the picture of one lighting takes while it grows, its film included, bytes.
     #[must_use]
     pub fn bytes(size: UVec2, n_lights: usize) -> u64 {
-        // Sums of two halves; sums and splats of the film; those of the replicates.
-        let of_pixel = n_lights * (2 * 24 + 2 * 24) + REPLICATES * 12;
+        // Sums and splats of the film; those of two halves, and those of the replicates.
+        let of_pixel = n_lights * (2 * 24 + 2 * 24) + REPLICATES * 24;
         u64::from(size.x) * u64::from(size.y) * of_pixel as u64
     }
 
@@ -120,29 +160,104 @@ impl Grown {
         self.is_complete
     }
 
-    /// Samples per pixel of all replicates.
+    /// The tiles that have numbers of samples of their own.
+    #[must_use]
+    pub fn tiling(&self) -> Tiling {
+        self.tiling
+    }
+
+    /// Samples per pixel of a replicate in a tile.
+    fn count(&self, replicate: usize, tile: usize) -> u32 {
+        self.count_at(self.passed[replicate], replicate, tile)
+    }
+
+    /// Samples per pixel of a replicate in a tile when it has `passed` of them in the present round.
+    fn count_at(&self, passed: u32, replicate: usize, tile: usize) -> u32 {
+        (self.done[tile].saturating_add(passed)).min(self.wanted[tile]).min(self.most[replicate])
+    }
+
+    /// Samples per pixel of a replicate, the mean over all pixels.
+    fn mean_count(&self, replicate: usize) -> f64 {
+        let of_tile = |t| self.tiling.n_pixels(t) as f64 * f64::from(self.count(replicate, t));
+        (0..self.tiling.len()).map(of_tile).sum::<f64>()
+            / f64::from(self.tiling.size.element_product().max(1))
+    }
+
+    /// Samples per pixel of each replicate, by tile, after a round.
+    #[must_use]
+    pub fn counts(&self) -> Vec<u32> {
+        (0..self.tiling.len()).map(|t| self.count(0, t)).collect()
+    }
+
+    /// Samples per pixel of each replicate at most.
+    #[must_use]
+    pub fn most(&self) -> u32 {
+        self.most[0]
+    }
+
+    /// Samples per pixel of all replicates, the mean over all pixels.
     #[must_use]
     pub fn spp(&self) -> u32 {
-        self.counts.iter().sum()
+        (0..REPLICATES).map(|r| self.mean_count(r)).sum::<f64>().round() as u32
+    }
+
+    /// Whether every pixel of every replicate has a sample.
+    fn has_pictures(&self) -> bool {
+        (0..REPLICATES).all(|r| (0..self.tiling.len()).all(|t| self.count(r, t) > 0))
+    }
+
+    /// Whether every pixel has as many samples as it may.
+    fn is_full(&self) -> bool {
+        (0..REPLICATES).all(|r| (0..self.tiling.len()).all(|t| self.count(r, t) == self.most[r]))
+    }
+
+    /// The next pass of the present round: the replicate, and its samples in the round when the pass is done;
+    /// `None` at the end of the round.
+    fn next_pass(&self) -> Option<(usize, u32)> {
+        let in_round = self.wanted.iter().zip(&self.done).map(|(wanted, done)| wanted - done);
+        let most = in_round.clone().max()?;
+        let sum =
+            in_round.enumerate().map(|(t, n)| self.tiling.n_pixels(t) as f64 * f64::from(n)).sum::<f64>();
+        let mean = sum / f64::from(self.tiling.size.element_product().max(1));
+        let n_passes = (mean / f64::from(MAX_PASS)).ceil().max(1.0) as u32;
+        let (replicate, &passed) = self.passed.iter().enumerate().min_by_key(|(_, n)| **n)?;
+        // Short passes first, so that there is a picture soon.
+        let step = if self.done[0] == 0 { passed.clamp(1, MAX_PASS) } else { most.div_ceil(n_passes) };
+        (passed < most).then(|| (replicate, (passed + step).min(most)))
+    }
+
+    /// Samples of each tile that a replicate is to take until it has `passed` of them in the round.
+    fn pass(&self, replicate: usize, passed: u32) -> Vec<Range<u32>> {
+        let of_tile = |t| self.count(replicate, t)..self.count_at(passed, replicate, t);
+        (0..self.tiling.len()).map(of_tile).collect()
+    }
+
+    /// Begins a round at whose end tiles are to have some numbers of samples per replicate, or those that they
+    /// have where these are more; whether there is anything to be done.
+    fn begin_round(&mut self, wanted: &[u32]) -> bool {
+        self.done = self.counts();
+        self.passed = [0; REPLICATES];
+        let most = self.most[0];
+        self.wanted = wanted.iter().zip(&self.done).map(|(&n, &done)| n.min(most).max(done)).collect();
+        self.wanted != self.done
     }
 
     /// Picture of the k-th lighting with all samples.
     #[must_use]
     pub fn picture(&self, k: usize) -> Picture {
-        Layers { of: self, k, sums: &[&self.halves[0], &self.halves[1]], count: self.spp() }.picture()
+        Layers::new(self, k, &[0, 1]).picture()
     }
 
     /// Radiance of the k-th lighting with all samples, row by row: that of [`Self::picture`].
     #[must_use]
     pub fn beauty(&self, k: usize) -> Vec<[f32; 3]> {
-        Layers { of: self, k, sums: &[&self.halves[0], &self.halves[1]], count: self.spp() }.beauty()
+        Layers::new(self, k, &[0, 1]).beauty()
     }
 
     /// Pictures of the k-th lighting with the samples of either half of the replicates.
     #[must_use]
     pub fn halves(&self, k: usize) -> [Picture; 2] {
-        let count = |h: usize| self.counts[h * OF_HALF..][..OF_HALF].iter().sum();
-        std::array::from_fn(|h| Layers { of: self, k, sums: &[&self.halves[h]], count: count(h) }.picture())
+        std::array::from_fn(|h| Layers::new(self, k, &[h]).picture())
     }
 
     /// Picture of the k-th lighting without its noise.
@@ -177,28 +292,51 @@ impl Grown {
     fn of_replicates<T: Send>(&self, k: usize, of: impl Fn([f32; 3]) -> T + Sync) -> [Vec<T>; REPLICATES] {
         let n = self.lightings.len();
         std::array::from_fn(|r| {
-            let share = 1.0 / self.counts[r].max(1) as f32;
-            let pixels = self.beauties[r].par_chunks_exact(n);
-            pixels.map(|lightings| of(lightings[k].map(|v| v * share))).collect()
+            let shares = self.shares(r..r + 1);
+            let sums = &self.beauties[r];
+            let pixel = |p: usize| of(shares.mean(sums, p, 3 * (p * n + k)).map(|v| v as f32));
+            (0..self.tiling.size.element_product() as usize).into_par_iter().map(pixel).collect()
         })
     }
 
+    /// What the sums of some replicates are multiplied by.
+    fn shares(&self, replicates: Range<usize>) -> Shares {
+        let inverse = |n: f64| if n > 0.0 { 1.0 / n } else { 0.0 };
+        let of_tile = |t| replicates.clone().map(|r| f64::from(self.count(r, t))).sum::<f64>();
+        Shares {
+            tiling: self.tiling,
+            own: (0..self.tiling.len()).map(|t| inverse(of_tile(t))).collect(),
+            splats: inverse(replicates.clone().map(|r| self.mean_count(r)).sum()),
+        }
+    }
+
     /// Adds the samples of a replicate that are in a film, and empties it.
-    fn add(&mut self, replicate: usize, count: u32, film: &mut RgbFilm) {
+    fn add(&mut self, replicate: usize, passed: u32, film: &mut RgbFilm) {
         let n = self.lightings.len();
         let lightings = &self.lightings;
         let from = &*film;
-        self.beauties[replicate].par_chunks_exact_mut(n).enumerate().for_each(|(pixel, beauties)| {
-            for (k, (beauty, x)) in beauties.iter_mut().zip(lightings).enumerate() {
+        let Sums { own, splats } = &mut self.beauties[replicate];
+        let pixels = own.par_chunks_exact_mut(3 * n).zip(splats.par_chunks_exact_mut(3 * n));
+        pixels.enumerate().for_each(|(pixel, (own, splats))| {
+            for (k, x) in lightings.iter().enumerate() {
                 for (l, &radiance) in x.radiance.iter().enumerate() {
-                    let sum = from.sum(pixel, k * x.n_lights() + l);
+                    let parts = from.parts(pixel, k * x.n_lights() + l);
                     let radiance = f64::from(radiance as f32);
-                    *beauty = std::array::from_fn(|c| beauty[c] + (sum[c] * radiance) as f32);
+                    for c in 0..3 {
+                        own[3 * k + c] += (parts[0][c] * radiance) as f32;
+                        splats[3 * k + c] += (parts[1][c] * radiance) as f32;
+                    }
                 }
             }
         });
-        film.move_onto(&mut self.halves[replicate / OF_HALF]);
-        self.counts[replicate] += count;
+        let Sums { own, splats } = &mut self.halves[replicate / OF_HALF];
+        film.move_onto(own, splats);
+        self.passed[replicate] = passed;
+    }
+
+    /// All sums, in the order in which they are written.
+    fn sums(&self) -> impl Iterator<Item = &Vec<f32>> {
+        self.halves.iter().chain(&self.beauties).flat_map(|sums| [&sums.own, &sums.splats])
     }
 
     /// Writes the samples so far, exactly.
@@ -206,30 +344,44 @@ impl Grown {
     /// # Errors
     /// When `out` cannot be written to.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
-        write_numbers(out, self.counts.iter().map(|count| count.to_le_bytes()))?;
-        write_numbers(out, self.halves.iter().flatten().map(|sum| sum.to_le_bytes()))?;
-        write_numbers(out, self.beauties.iter().flat_map(|sums| sums.as_flattened()).map(|v| v.to_le_bytes()))
+        let counts = self.done.iter().chain(&self.wanted).chain(&self.passed);
+        write_numbers(out, counts.map(|count| count.to_le_bytes()))?;
+        write_numbers(out, self.sums().flatten().map(|sum| sum.to_le_bytes()))
     }
 
     /// Takes the samples of pictures of the same size and lightings that [`Self::write`] has written, and
     /// says whether they could be read.
     fn read(&mut self, bytes: &[u8]) -> bool {
-        let words = 4 * REPLICATES;
-        let [sums, beauties] = [self.halves[0].len(), 3 * self.beauties[0].len()];
-        if bytes.len() != words + 2 * 8 * sums + REPLICATES * 4 * beauties {
+        let n_words = 2 * self.tiling.len() + REPLICATES + self.sums().map(Vec::len).sum::<usize>();
+        if bytes.len() != 4 * n_words {
             return false;
         }
-        let (counts, rest) = bytes.split_at(words);
-        self.counts.iter_mut().zip(counts.as_chunks().0).for_each(|(n, b)| *n = u32::from_le_bytes(*b));
-        let (halves, rest) = rest.split_at(2 * 8 * sums);
-        for (half, bytes) in self.halves.iter_mut().zip(halves.chunks((8 * sums).max(1))) {
-            half.iter_mut().zip(bytes.as_chunks().0).for_each(|(v, b)| *v = f64::from_le_bytes(*b));
-        }
-        for (beauty, bytes) in self.beauties.iter_mut().zip(rest.chunks((4 * beauties).max(1))) {
-            let values = beauty.as_flattened_mut().iter_mut();
-            values.zip(bytes.as_chunks().0).for_each(|(v, b)| *v = f32::from_le_bytes(*b));
-        }
+        let mut words = bytes.as_chunks().0.iter();
+        let counts = self.done.iter_mut().chain(&mut self.wanted).chain(&mut self.passed);
+        counts.zip(&mut words).for_each(|(n, b)| *n = u32::from_le_bytes(*b));
+        let parts = self.halves.iter_mut().chain(&mut self.beauties);
+        let sums = parts.flat_map(|sums| [&mut sums.own, &mut sums.splats]).flatten();
+        sums.zip(words).for_each(|(sum, b)| *sum = f32::from_le_bytes(*b));
         true
+    }
+}
+
+/// Factors that make means of sums.
+struct Shares {
+    tiling: Tiling,
+    /// Inverse of the number of a pixel's own samples, by tile.
+    own: Vec<f64>,
+    /// Inverse of the mean number of samples of all pixels: splats come from the samples of all.
+    splats: f64,
+}
+
+impl Shares {
+    /// Mean of the sums of a pixel that begin at an index.
+    fn mean(&self, sums: &Sums, pixel: usize, at: usize) -> [f64; 3] {
+        let own = self.own[self.tiling.of_index(pixel)];
+        std::array::from_fn(|c| {
+            f64::from(sums.own[at + c]) * own + f64::from(sums.splats[at + c]) * self.splats
+        })
     }
 }
 
@@ -238,13 +390,19 @@ struct Layers<'a> {
     of: &'a Grown,
     /// Index of the lighting.
     k: usize,
-    /// Sums of the samples, as [`Grown::halves`] are.
-    sums: &'a [&'a Vec<f64>],
-    /// Number of samples per pixel in the sums.
-    count: u32,
+    /// Sums of the samples, each with what makes means of all of them.
+    sums: Vec<&'a Sums>,
+    shares: Shares,
 }
 
-impl Layers<'_> {
+impl<'a> Layers<'a> {
+    /// Of the k-th lighting, with the samples of some halves, in their order.
+    fn new(of: &'a Grown, k: usize, halves: &[usize]) -> Self {
+        let first = halves.first().map_or(0, |h| h * OF_HALF);
+        let shares = of.shares(first..first + OF_HALF * halves.len());
+        Self { of, k, sums: halves.iter().map(|&h| &of.halves[h]).collect(), shares }
+    }
+
     fn lighting(&self) -> &Lighting {
         &self.of.lightings[self.k]
     }
@@ -254,12 +412,13 @@ impl Layers<'_> {
         let lighting = self.lighting();
         let n_lights = lighting.n_lights();
         let at = 3 * ((pixel * self.of.lightings.len() + self.k) * n_lights + light);
-        let gain = f64::from(lighting.radiance[light] as f32) / f64::from(self.count.max(1));
-        std::array::from_fn(|c| gain * self.sums.iter().map(|sums| sums[at + c]).sum::<f64>())
+        let gain = f64::from(lighting.radiance[light] as f32);
+        let means = self.sums.iter().map(|sums| self.shares.mean(sums, pixel, at));
+        means.fold([0.0; 3], |total, mean| std::array::from_fn(|c| total[c] + gain * mean[c]))
     }
 
     fn pixels<T: Send>(&self, of: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
-        (0..self.of.size.element_product() as usize).into_par_iter().map(of).collect()
+        (0..self.of.tiling.size.element_product() as usize).into_par_iter().map(of).collect()
     }
 
     fn beauty(&self) -> Vec<[f32; 3]> {
@@ -271,7 +430,7 @@ impl Layers<'_> {
 
     fn picture(&self) -> Picture {
         let light = |l| self.pixels(|p| self.value(p, l).map(|v| v as f32));
-        let UVec2 { x: width, y: height } = self.of.size;
+        let UVec2 { x: width, y: height } = self.of.tiling.size;
         Picture {
             width: width as usize,
             height: height as usize,
@@ -279,18 +438,6 @@ impl Layers<'_> {
             lights: (0..self.lighting().n_lights()).map(light).collect(),
         }
     }
-}
-
-/// Samples of each replicate at the ends of the rounds, without end.
-fn round_ends() -> impl Iterator<Item = u32> {
-    let next = |&end: &u32| Some((f64::from(end) * ROUND_GROWTH).ceil() as u32);
-    std::iter::successors(Some(FIRST_ROUND), next)
-}
-
-/// Samples of each replicate at the end of the pass that begins with `first` samples and is of the round that
-/// ends with `round_end`: the first passes are short, so that there is a picture soon.
-fn pass_end(first: u32, round_end: u32) -> u32 {
-    (first + first.clamp(1, MAX_PASS)).min(round_end)
 }
 
 impl Renderer {
@@ -317,33 +464,36 @@ impl Renderer {
         let nodes = Nodes::of(lightings);
         let shown: Vec<(&Lighting, usize)> = lightings.iter().map(|&x| (x, nodes.of_value(x))).collect();
         let mut film = RgbFilm::by_light_in(size, &shown);
-        let mut grown = Grown::new(size, lightings);
+        let mut grown = Grown::new(wanted);
         if let Some(kept) = between.kept() {
             grown.read(&kept);
         }
         observer.advance(u64::from(grown.spp()) * u64::from(size.y));
-        let most = wanted.spp.max(REPLICATES as u32);
-        'rounds: for end in round_ends() {
-            while let Some((replicate, first)) = next_of(&grown.counts, end, most) {
-                let has_picture = grown.counts.iter().all(|&n| n > 0);
+        'rounds: loop {
+            while let Some((replicate, passed)) = grown.next_pass() {
+                let has_picture = grown.has_pictures();
                 if has_picture && (between.is_over() || observer.cancelled()) {
                     break 'rounds;
                 }
-                let round =
-                    Samples { sampler: self.sampler, seed, first, count: pass_end(first, end) - first };
-                let count = round.count.min(most - grown.spp());
-                let samples = Samples { count, ..round }.replicate(replicate as u64);
-                let watched = EndsWithin { observer, between: has_picture.then_some(between), count };
+                let samples = TileSamples {
+                    sampler: self.sampler,
+                    seed: hash_words(&[seed, replicate as u64]),
+                    tiling: grown.tiling,
+                    indices: grown.pass(replicate, passed),
+                };
+                let n_pixels = u64::from(size.x) * u64::from(size.y);
+                let mean = samples.total(size) as f64 / n_pixels.max(1) as f64;
+                let between_rows = has_picture.then_some(between);
+                let watched = EndsWithin { observer, between: between_rows, mean, rows: AtomicU64::new(0) };
                 match self.render_nodes(wanted, &nodes, &mut film, samples, &watched) {
                     Err(RenderError::Cancelled) if has_picture => break 'rounds,
                     other => other?,
                 }
-                grown.add(replicate, count, &mut film);
+                grown.add(replicate, passed, &mut film);
                 between.passed(&grown, false);
             }
-            // What an earlier attempt has rendered beyond this round was not enough.
-            let is_round = grown.counts.iter().all(|&n| n == end) || grown.spp() == most;
-            grown.is_complete = (is_round && between.is_enough(&grown)) || grown.spp() == most;
+            let next = if grown.is_full() { None } else { between.next_round(&grown) };
+            grown.is_complete = !next.is_some_and(|wanted| grown.begin_round(&wanted));
             if grown.is_complete {
                 break;
             }
@@ -358,7 +508,7 @@ impl Renderer {
         wanted: &Wanted,
         nodes: &Nodes,
         film: &mut RgbFilm,
-        samples: Samples,
+        samples: TileSamples,
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
         let Wanted { view, plan, .. } = *wanted;
@@ -372,13 +522,6 @@ impl Renderer {
             }
         }
     }
-}
-
-/// The replicate that is to be rendered next in a round, and the samples that it has; `None` at the end of the
-/// round, or where there are `most` samples.
-fn next_of(counts: &[u32; REPLICATES], end: u32, most: u32) -> Option<(usize, u32)> {
-    let (replicate, &first) = counts.iter().enumerate().min_by_key(|(_, n)| **n)?;
-    (first < end && counts.iter().sum::<u32>() < most).then_some((replicate, first))
 }
 
 /// Values of the background, each once, the largest first.
@@ -404,18 +547,23 @@ impl Nodes {
     }
 }
 
-/// An observer of a pass that counts a row once for each sample, and ends the pass when the render is over.
+/// An observer of a pass that counts a row once for each sample per pixel, and ends the pass when the render is
+/// over.
 struct EndsWithin<'a, O> {
     observer: &'a O,
     /// Tells whether the render is over; `None` as long as it may not be.
     between: Option<&'a dyn Between>,
-    /// Samples per pixel of the pass.
-    count: u32,
+    /// Samples per pixel of the pass, the mean over all pixels.
+    mean: f64,
+    /// Rows that are done.
+    rows: AtomicU64,
 }
 
 impl<O: Observer> Observer for EndsWithin<'_, O> {
     fn advance(&self, rows: u64) {
-        self.observer.advance(rows * u64::from(self.count));
+        let before = self.rows.fetch_add(rows, Ordering::Relaxed);
+        let counted = |rows: u64| (rows as f64 * self.mean) as u64;
+        self.observer.advance(counted(before + rows) - counted(before));
     }
     fn cancelled(&self) -> bool {
         self.observer.cancelled() || self.between.is_some_and(Between::is_over)
@@ -431,7 +579,11 @@ mod tests {
 
     use super::*;
     use crate::{
-        import, integrator::Integrator, math::display::LuminanceMode, sampler::SamplerKind, scene::Scene,
+        import,
+        integrator::{Integrator, Samples},
+        math::display::LuminanceMode,
+        sampler::SamplerKind,
+        scene::Scene,
     };
 
     fn scene() -> Scene {
@@ -452,10 +604,10 @@ mod tests {
     }
 
     fn grow(scene: &Scene, spp: u32, between: &dyn Between) -> Result<Grown, RenderError> {
-        let camera = scene.camera.resized(UVec2::new(12, 9));
+        let camera = scene.camera.resized(UVec2::new(40, 28));
         let all = lightings(scene);
         let each = all.each_ref();
-        let plan = SamplingPlan::for_pictures(&each.map(|x| (x, 1.0)));
+        let plan = SamplingPlan::for_pictures(&each.map(|x| (x, &[1.0][..])));
         let view = View { scene, camera: &camera };
         renderer().grow(&Wanted { view, lightings: &each, plan: &plan, seed: 3, spp }, between, &())
     }
@@ -477,6 +629,8 @@ mod tests {
         last: Mutex<Vec<u8>>,
         rounds: Mutex<Vec<u32>>,
         enough: u32,
+        /// Whether only every other tile has more samples in the next round.
+        uneven: bool,
     }
 
     impl Between for Stopped {
@@ -493,9 +647,11 @@ mod tests {
                 self.passes_left.fetch_sub(1, Ordering::Relaxed);
             }
         }
-        fn is_enough(&self, grown: &Grown) -> bool {
+        fn next_round(&self, grown: &Grown) -> Option<Vec<u32>> {
             self.rounds.lock().unwrap().push(grown.spp());
-            grown.spp() >= self.enough
+            let each = grown.counts().into_iter().enumerate();
+            let next = each.map(|(t, n)| if self.uneven && t % 2 == 0 { n } else { 2 * n }).collect();
+            (grown.spp() < self.enough).then_some(next)
         }
     }
 
@@ -510,7 +666,7 @@ mod tests {
         let view = View { scene: &scene, camera: &camera };
         let all = lightings(&scene);
         let each = all.each_ref();
-        let plan = SamplingPlan::for_pictures(&each.map(|x| (x, 1.0)));
+        let plan = SamplingPlan::for_pictures(&each.map(|x| (x, &[1.0][..])));
         let samples = Samples { sampler: SamplerKind::Sobol, seed: 5, first: 0, count: 4 };
         let render = |film: &mut RgbFilm, value: f64| {
             let values = Values([value as f32]);
@@ -519,7 +675,6 @@ mod tests {
         // Of one value of the background, at which paths are the same.
         let mut together = RgbFilm::by_light_in(camera.size(), &[(each[0], 0), (each[2], 0)]);
         render(&mut together, each[0].value);
-        let mut sums = vec![0.0; 2 * 3 * 12 * 9];
         for (k, x) in [each[0], each[2]].into_iter().enumerate() {
             let mut alone = RgbFilm::by_light(camera.size(), x);
             render(&mut alone, x.value);
@@ -529,9 +684,14 @@ mod tests {
                 assert!((0..3).all(|c| (a[c] - b[c]).abs() <= 1e-8 * b[c].abs() + 1e-9), "{a:?} {b:?}");
             }
         }
-        let before: Vec<[f64; 3]> = (0..2 * 12 * 9).map(|i| together.sum(i / 2, i % 2)).collect();
-        together.move_onto(&mut sums);
-        assert_eq!(before.as_flattened(), sums);
+        let before: Vec<[[f64; 3]; 2]> = (0..2 * 12 * 9).map(|i| together.parts(i / 2, i % 2)).collect();
+        let mut sums = [vec![0.0; 2 * 3 * 12 * 9], vec![0.0; 2 * 3 * 12 * 9]];
+        let [own, splats] = &mut sums;
+        together.move_onto(own, splats);
+        for (k, sums) in sums.iter().enumerate() {
+            let wanted = before.iter().flat_map(|parts| parts[k]).map(|v| v as f32);
+            assert!(wanted.eq(sums.iter().copied()));
+        }
         assert!((0..2 * 12 * 9).all(|i| together.sum(i / 2, i % 2) == [0.0; 3]));
     }
 
@@ -554,8 +714,9 @@ mod tests {
         let between = Stopped { kept: Some(vec![1; 99]), ..stopped(u32::MAX, 1000) };
         assert_equal(&whole, &grow(&scene, 50, &between).unwrap());
         // A picture of fewer samples is what a render that was stopped with them has.
-        let cut = grow(&scene, 60, &stopped(13, 1000)).unwrap();
-        assert_equal(&cut, &grow(&scene, cut.spp(), &|| false).unwrap());
+        let cut = grow(&scene, 60, &stopped(12, 1000)).unwrap();
+        let alone = grow(&scene, cut.spp(), &|| false).unwrap();
+        assert!(cut.spp() == 16 && (0..3).all(|k| cut.picture(k).rgb == alone.picture(k).rgb));
     }
 
     #[test]
@@ -571,18 +732,48 @@ mod tests {
     #[test]
     fn rounds_end_when_it_is_enough_and_with_the_samples_that_are_allowed() {
         let scene = scene();
-        let between = stopped(u32::MAX, 50);
-        assert!(grow(&scene, 1000, &between).unwrap().is_complete());
-        assert_eq!(*between.rounds.lock().unwrap(), [16, 20, 28, 36, 48, 60]);
+        let between = stopped(u32::MAX, 100);
+        let grown = grow(&scene, 1000, &between).unwrap();
+        assert!(grown.is_complete() && grown.counts() == [32; 6]);
+        assert_eq!(*between.rounds.lock().unwrap(), [16, 32, 64, 128]);
         let between = stopped(u32::MAX, 1000);
-        assert_eq!(grow(&scene, 30, &between).unwrap().counts, [9, 7, 7, 7]);
-        assert_eq!(*between.rounds.lock().unwrap(), [16, 20, 28, 30]);
+        let grown = grow(&scene, 30, &between).unwrap();
+        assert!(grown.is_complete() && grown.spp() == 30);
+        assert_eq!([0, 1, 2, 3].map(|r| grown.count(r, 0)), [8, 8, 7, 7]);
+        assert_eq!(*between.rounds.lock().unwrap(), [16]);
         // The jackknife needs all replicates.
-        assert_eq!(grow(&scene, 1, &|| true).unwrap().counts, [1; 4]);
+        let grown = grow(&scene, 1, &|| true).unwrap();
+        assert_eq!([0, 1, 2, 3].map(|r| grown.count(r, 0)), [1; 4]);
         // Taken up at the end of a round, it is asked again.
-        let between = Stopped { kept: Some(between.last.into_inner().unwrap()), ..stopped(0, 30) };
-        assert!(grow(&scene, 30, &between).unwrap().is_complete());
-        assert_eq!(*between.rounds.lock().unwrap(), [30]);
+        let between = stopped(u32::MAX, 1000);
+        assert_eq!(grow(&scene, 16, &between).unwrap().counts(), [4; 6]);
+        let between = Stopped { kept: Some(between.last.into_inner().unwrap()), ..stopped(0, 16) };
+        let grown = grow(&scene, 1000, &between).unwrap();
+        assert!(grown.is_complete() && grown.spp() == 16);
+        assert_eq!(*between.rounds.lock().unwrap(), [16]);
+    }
+
+    #[test]
+    fn tiles_have_samples_of_their_own_also_when_stopped() {
+        let scene = scene();
+        let between = Stopped { uneven: true, ..stopped(u32::MAX, 60) };
+        let whole = grow(&scene, 1000, &between).unwrap();
+        assert_eq!(whole.counts(), [4, 32, 4, 32, 4, 32]);
+        assert_eq!(*between.rounds.lock().unwrap(), [16, 24, 39, 70]);
+        let mut kept = None;
+        for passes in [13, 2, u32::MAX] {
+            let between = Stopped { kept, uneven: true, ..stopped(passes, 60) };
+            let part = grow(&scene, 1000, &between).unwrap();
+            assert_eq!(part.is_complete(), passes == u32::MAX);
+            kept = Some(between.last.into_inner().unwrap());
+        }
+        let mut bytes = Vec::new();
+        whole.write(&mut bytes).unwrap();
+        assert!(kept == Some(bytes));
+        // No tile may have more than is allowed.
+        let between = Stopped { uneven: true, ..stopped(u32::MAX, 60) };
+        let grown = grow(&scene, 20, &between).unwrap();
+        assert!(grown.is_complete() && grown.counts() == [4, 5, 4, 5, 4, 5]);
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! Every stage draws from seeds of its own, so that what is reported comes
 //! from samples that chose nothing.
 
+pub mod allotment;
 pub mod attainable;
 mod basis_search;
 mod check;

@@ -5,9 +5,9 @@ use std::{path::Path, sync::Mutex, time::Instant};
 use serde_json::{Value, json};
 
 use super::{
-    FinalPicture, Reporter, RunError,
+    FinalPicture, Reporter, RunError, allotment,
     growing::{Grown, Wanted},
-    noise::{self, Display, Noise},
+    noise::{self, Display, Noise, SquaredErrors},
     products::{GrowingPictures, growing_key},
     setup::{Setup, Task},
 };
@@ -57,9 +57,10 @@ struct Shot<'t, 'a> {
     /// Point of the unit cube.
     u: Vec<f64>,
     lighting: Lighting,
-    /// Share of samples at its lights' sizes, and inverse of the noise allowed, both in those of a picture
-    /// of lights found.
+    /// Share of the samples, and inverse of the noise allowed, both in those of a picture of lights found.
     weight: f32,
+    /// Share of its samples that each light is to be chosen for.
+    lights: Vec<f32>,
 }
 
 impl Shot<'_, '_> {
@@ -68,9 +69,15 @@ impl Shot<'_, '_> {
         f64::from(self.weight) * noise.error()
     }
 
-    /// Noise of the k-th picture as it is shown, and the picture: where features are given, the mean of two
+    /// Errors of the k-th picture as it is shown, and the picture: where features are given, the mean of two
     /// that are denoised apart.
-    fn look(&self, k: usize, grown: &Grown, features: Option<&Features>, setup: Setup) -> (Noise, Layer) {
+    fn look(
+        &self,
+        k: usize,
+        grown: &Grown,
+        features: Option<&Features>,
+        setup: Setup,
+    ) -> (SquaredErrors, Layer) {
         let width = setup.options.size.x as usize;
         // A display shows it so, whatever f_q measures.
         let luminance = LuminanceMode::Srgb;
@@ -83,9 +90,9 @@ impl Shot<'_, '_> {
         let linear =
             halves.each_ref().map(|half| half.iter().map(|&v| math::display::luminance(v)).collect());
         let [x, y]: [Vec<f64>; 2] = linear;
-        let noise = noise::of_denoised([&x, &y], [[&a, &b], [&c, &d]], display);
+        let errors = noise::of_denoised([&x, &y], [[&a, &b], [&c, &d]], display);
         let mean = |(x, y): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (x[c] + y[c]));
-        (noise, halves[0].iter().zip(&halves[1]).map(mean).collect())
+        (errors, halves[0].iter().zip(&halves[1]).map(mean).collect())
     }
 
     fn write_png(&self, rgb: &[[f32; 3]], setup: Setup) -> Result<(), RunError> {
@@ -106,10 +113,21 @@ pub(super) struct Pictures {
     pub renders: u64,
 }
 
+/// A look with the lights that were found for it.
+pub(super) struct FoundLook<'t, 'a> {
+    pub task: &'t Task<'a>,
+    /// Point of the unit cube.
+    pub u: &'t [f64],
+    /// Share of the samples that each light is to be chosen for.
+    pub lights: &'t [f32],
+}
+
 /// Renders the full-size pictures of the start and of the lights found for every look, as many together as
-/// the memory allows, and writes them.
+/// the memory allows, and writes them. `start_lights` is the share of the samples at the start that each light
+/// is to be chosen for.
 pub(super) fn take(
-    looks: &[(&Task, &[f64])],
+    looks: &[FoundLook],
+    start_lights: &[f32],
     setup: Setup,
     reporter: &impl Reporter,
 ) -> Result<Pictures, RunError> {
@@ -117,13 +135,16 @@ pub(super) fn take(
     if reporter.cancelled() {
         return Ok(pictures);
     }
-    let shot = |name, tasks, u: &[f64], weight| {
+    let shot = |name, tasks, u: &[f64], lights: &[f32], weight| {
         let (u, lighting) = (u.to_vec(), setup.lighting(u));
-        Shot { name, tasks, u, lighting, weight }
+        Shot { name, tasks, u, lighting, weight, lights: lights.to_vec() }
     };
-    let all = looks.iter().enumerate().map(|(i, (task, _))| (i, *task)).collect();
-    let start = shot("initial", all, &setup.variables.start(), START_WEIGHT);
-    let found = looks.iter().enumerate().map(|(i, (task, u))| shot("final", vec![(i, *task)], u, 1.0));
+    let all = looks.iter().enumerate().map(|(i, look)| (i, look.task)).collect();
+    let start = shot("initial", all, &setup.variables.start(), start_lights, START_WEIGHT);
+    let found = looks
+        .iter()
+        .enumerate()
+        .map(|(i, look)| shot("final", vec![(i, look.task)], look.u, look.lights, 1.0));
     let shots: Vec<Shot> = std::iter::once(start).chain(found).collect();
 
     let camera = setup.scene.camera.resized(setup.options.size);
@@ -170,26 +191,34 @@ fn take_group(
         .collect::<Result<_, _>>()?;
 
     let lightings: Vec<&Lighting> = shots.iter().map(|shot| &shot.lighting).collect();
-    let weighted: Vec<(&Lighting, f32)> = shots.iter().map(|shot| (&shot.lighting, shot.weight)).collect();
+    let weights = |shot: &Shot| shot.lights.iter().map(|weight| shot.weight * weight).collect();
+    let weights: Vec<Vec<f32>> = shots.iter().map(weights).collect();
+    let weighted: Vec<(&Lighting, &[f32])> =
+        lightings.iter().zip(&weights).map(|(&x, weights)| (x, weights.as_slice())).collect();
     let plan = SamplingPlan::for_pictures(&weighted);
     let wanted =
         Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
     reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
     let (failure, last_look) = (Mutex::new(None), Mutex::new((0, Vec::new())));
-    let is_enough = |grown: &Grown| match look_at(shots, grown, features, setup, reporter) {
-        Ok(noise) => {
-            let error = largest_counted(shots, &noise);
-            last_look.lock().map(|mut last| *last = (grown.spp(), noise)).is_ok()
-                && error < options.final_noise
-        }
-        Err(e) => failure.lock().map(|mut failure| *failure = Some(e)).is_ok(),
+    let next_round = |grown: &Grown| {
+        let errors = match look_at(shots, grown, features, setup, reporter) {
+            Ok(errors) => errors,
+            Err(e) => {
+                failure.lock().map(|mut failure| *failure = Some(e)).ok();
+                return None;
+            }
+        };
+        let noise: Vec<Noise> = errors.iter().map(SquaredErrors::noise).collect();
+        let is_enough = largest_counted(shots, &noise) < options.final_noise;
+        last_look.lock().map(|mut last| *last = (grown.spp(), noise)).ok()?;
+        (!is_enough).then(|| allot(shots, grown, &errors, options.final_noise))
     };
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
     let growing = GrowingPictures {
         products: setup.products,
         key: growing_key(&setup, &wanted),
         is_over: &is_over,
-        is_enough: &is_enough,
+        next_round: &next_round,
         reporter,
     };
     let grown = match setup.renderer().grow(&wanted, &growing, reporter) {
@@ -202,7 +231,10 @@ fn take_group(
     let (spp, noise) = last_look.into_inner().unwrap_or_default();
     let noise = match spp == grown.spp() {
         true => noise,
-        false => look_at(shots, &grown, features, setup, reporter)?,
+        false => {
+            let errors = look_at(shots, &grown, features, setup, reporter)?;
+            errors.iter().map(SquaredErrors::noise).collect()
+        }
     };
     if !grown.is_complete() {
         reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
@@ -247,6 +279,18 @@ fn largest_counted(shots: &[Shot], noise: &[Noise]) -> f64 {
     shots.iter().zip(noise).map(|(shot, noise)| shot.counted(noise)).fold(0.0, f64::max)
 }
 
+/// Samples of every tile in the next round, for an error of the pictures that is less than what is asked for.
+fn allot(shots: &[Shot], grown: &Grown, errors: &[SquaredErrors], asked: f64) -> Vec<u32> {
+    let tiling = grown.tiling();
+    // Zero asks for as many samples as are allowed, everywhere.
+    let of_picture = |(shot, errors): (&Shot, &SquaredErrors)| {
+        let scale = (f64::from(shot.weight) / asked.max(1e-9)).powi(2);
+        errors.of_tiles(&tiling).into_iter().map(|square| scale * square).collect()
+    };
+    let squares: Vec<Vec<f64>> = shots.iter().zip(errors).map(of_picture).collect();
+    allotment::allot(&tiling, &squares, &grown.counts(), grown.most())
+}
+
 /// Refreshes the pictures on disk after a round, and measures and tells how noisy they are.
 fn look_at(
     shots: &[Shot],
@@ -254,19 +298,21 @@ fn look_at(
     features: Option<&Features>,
     setup: Setup,
     reporter: &impl Reporter,
-) -> Result<Vec<Noise>, RunError> {
+) -> Result<Vec<SquaredErrors>, RunError> {
     let look = |(k, shot): (usize, &Shot)| {
-        let (noise, shown) = shot.look(k, grown, features, setup);
+        let (errors, shown) = shot.look(k, grown, features, setup);
         shot.write_png(&shown, setup)?;
-        Ok(noise)
+        Ok(errors)
     };
     // One after the other, since each fills all threads and takes memory.
-    let noise = shots.iter().enumerate().map(look).collect::<Result<Vec<Noise>, RunError>>()?;
+    let errors = shots.iter().enumerate().map(look).collect::<Result<Vec<SquaredErrors>, RunError>>()?;
+    let noise: Vec<Noise> = errors.iter().map(SquaredErrors::noise).collect();
     let error = largest_counted(shots, &noise);
     let asked = setup.options.final_noise;
     let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
-    reporter.progress(&format!("pictures: noise {error:.4}{wanted}"));
-    Ok(noise)
+    let spp = grown.spp();
+    reporter.progress(&format!("pictures: {spp} samples a pixel, noise {error:.4}{wanted}"));
+    Ok(errors)
 }
 
 /// The same numbers with more digits.

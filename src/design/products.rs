@@ -33,8 +33,8 @@ pub(super) struct GrowingPictures<'a, R> {
     pub key: u64,
     /// Whether no more passes are to be made.
     pub is_over: &'a (dyn Fn() -> bool + Sync),
-    /// Called after each round; whether the pictures are good enough.
-    pub is_enough: &'a (dyn Fn(&Grown) -> bool + Sync),
+    /// Called after a round, as [`Between::next_round`].
+    pub next_round: &'a (dyn Fn(&Grown) -> Option<Vec<u32>> + Sync),
     /// Observer, which is told what cannot be kept.
     pub reporter: &'a R,
 }
@@ -56,8 +56,8 @@ impl<R: Reporter> Between for GrowingPictures<'_, R> {
         }
     }
 
-    fn is_enough(&self, grown: &Grown) -> bool {
-        (self.is_enough)(grown)
+    fn next_round(&self, grown: &Grown) -> Option<Vec<u32>> {
+        (self.next_round)(grown)
     }
 }
 

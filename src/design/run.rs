@@ -10,7 +10,7 @@ use super::{
     basis_search,
     deadline::Deadline,
     differences, manifest,
-    pictures::{self, Pictures},
+    pictures::{self, FoundLook, Pictures},
     precision::Precision,
     setup::{Found, Setup, Stage, Task},
     working_basis::{BasisPlan, MAX_TOGETHER, REDUCTION, WorkingBasis},
@@ -155,6 +155,8 @@ struct Lit<'a> {
     initial: JackknifeEstimate,
     /// Number of renders of the run until the lights were found.
     renders: u64,
+    /// Shares of the samples that each light is to be chosen for in a picture of the start, and of those found.
+    lights: [Vec<f32>; 2],
 }
 
 /// Finds the lights of some looks, from one basis or in paper mode one after the other.
@@ -181,20 +183,27 @@ fn find_together<'a>(
             tasks.iter_mut().map(find).collect::<Result<_, RunError>>()?
         }
     };
+    let n_lights = setup.scene.lights.len();
+    let lights = |u: &[f64]| match basis.as_deref() {
+        Some(basis) => basis.focus(setup.lighting(u), 1.0).weights,
+        None => vec![1.0 / n_lights as f32; n_lights],
+    };
+    let lights: Vec<[Vec<f32>; 2]> =
+        found.iter().map(|(found, _)| [lights(&setup.variables.start()), lights(&found.u)]).collect();
     // The lights found are on disk before the large basis.
     if let Some(basis) = basis {
         basis.store(setup, reporter)?;
     }
     let seconds = clock.elapsed().as_secs_f64();
-    let each = tasks.into_iter().zip(found).zip(initials);
-    each.map(|((mut task, (found, renders)), initial)| {
+    let each = tasks.into_iter().zip(found).zip(initials).zip(lights);
+    each.map(|(((mut task, (found, renders)), initial), lights)| {
         task.dir.log_timing(&json!({"stage": "found", "seconds": seconds}))?;
         let (f_q, error) = (found.check.evaluation.f_q, found.check.error_bar());
         let picture = Some(task.job.out.join("found.png")).filter(|path| path.exists());
         let picture =
             picture.map_or_else(String::new, |path| format!("; a small picture: {}", path.display()));
         reporter.note(&format!("{}: f_q {f_q:.4} ± {error:.4}{picture}", task.job.target.name()));
-        Ok(Lit { task, found, initial, renders })
+        Ok(Lit { task, found, initial, renders, lights })
     })
     .collect()
 }
@@ -221,10 +230,14 @@ fn finish(
     setup: Setup,
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
-    let looks: Vec<(&Task, &[f64])> = lit.iter().map(|lit| (&lit.task, lit.found.u.as_slice())).collect();
-    let Pictures { taken, renders: of_pictures } = pictures::take(&looks, setup, reporter)?;
+    let looks: Vec<FoundLook> = lit
+        .iter()
+        .map(|lit| FoundLook { task: &lit.task, u: &lit.found.u, lights: &lit.lights[1] })
+        .collect();
+    let start_lights = lit.first().map_or(&[][..], |lit| &lit.lights[0]);
+    let Pictures { taken, renders: of_pictures } = pictures::take(&looks, start_lights, setup, reporter)?;
     let seconds = start.elapsed().as_secs_f64();
-    let report = |(Lit { mut task, found, initial, renders }, last): (Lit, Option<FinalPicture>)| {
+    let report = |(Lit { mut task, found, initial, renders, .. }, last): (Lit, Option<FinalPicture>)| {
         let Found { u, check, evaluations, stop, reach } = found;
         let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
         let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);

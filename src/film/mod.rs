@@ -12,6 +12,7 @@ pub mod exr;
 pub mod image_file;
 mod rgb;
 mod splat;
+pub mod tiling;
 
 use glam::{UVec2, Vec2};
 

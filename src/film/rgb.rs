@@ -190,18 +190,22 @@ impl RgbFilm {
         }
     }
 
-    /// Adds all sums to `onto`, as `[pixel][picture][rgb]`, and leaves the film empty.
+    /// Adds the sums of the pixels' own samples to `own` and those of the splats to `splats`, both as
+    /// `[pixel][picture][rgb]`, and leaves the film empty.
     ///
     /// # Panics
-    /// When `onto` is of another length.
-    pub fn move_onto(&mut self, onto: &mut [f64]) {
-        assert_eq!(onto.len(), self.sums.len(), "sums of a film of the same pictures");
+    /// When `own` or `splats` is of another length.
+    pub fn move_onto(&mut self, own: &mut [f32], splats: &mut [f32]) {
+        let fits = [own.len(), splats.len()].map(|n| n == self.sums.len());
+        assert_eq!(fits, [true; 2], "sums of a film of the same pictures");
         let (pixel, scales) = (3 * self.scales.len(), &self.scales);
         let width = (self.size.x as usize * pixel).max(1);
-        let rows = onto.par_chunks_mut(width).zip(self.sums.par_chunks_mut(width));
-        rows.zip(self.splats.par_chunks_mut(width)).for_each(|((onto, sums), mut splats)| {
-            for (i, (onto, sum)) in onto.iter_mut().zip(sums).enumerate() {
-                *onto += std::mem::take(sum) + splats.take(i, scales[i % pixel / 3]);
+        let rows = own.par_chunks_mut(width).zip(splats.par_chunks_mut(width));
+        let from = self.sums.par_chunks_mut(width).zip(self.splats.par_chunks_mut(width));
+        rows.zip(from).for_each(|((own, splats), (sums, mut parts))| {
+            for (i, (own, sum)) in own.iter_mut().zip(sums).enumerate() {
+                *own += std::mem::take(sum) as f32;
+                splats[i] += parts.take(i, scales[i % pixel / 3]) as f32;
             }
         });
     }
@@ -210,9 +214,16 @@ impl RgbFilm {
     /// by row.
     #[must_use]
     pub fn sum(&self, pixel: usize, picture: usize) -> [f64; 3] {
+        let [own, splats] = self.parts(pixel, picture);
+        std::array::from_fn(|c| own[c] + splats[c])
+    }
+
+    /// The parts of [`Self::sum`]: the sum of the pixel's own samples and that of the splats.
+    #[must_use]
+    pub fn parts(&self, pixel: usize, picture: usize) -> [[f64; 3]; 2] {
         let cell = pixel * self.scales.len() + picture;
-        let splat = self.splats.get(cell, self.scales[picture]);
-        std::array::from_fn(|c| self.sums[3 * cell + c] + splat[c])
+        let own = std::array::from_fn(|c| self.sums[3 * cell + c]);
+        [own, self.splats.get(cell, self.scales[picture])]
     }
 }
 

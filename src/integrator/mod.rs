@@ -26,7 +26,7 @@ use crate::{
 pub use crate::film::Strategy;
 pub use context::{Context, SampledLight};
 pub use kind::IntegratorKind;
-pub use options::{Heuristic, Integrator, Samples, Values, View};
+pub use options::{Heuristic, Integrator, Samples, Taken, TileSamples, Values, View};
 
 /// Why a render has no picture.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -121,17 +121,17 @@ impl Integrator {
         values: &Values<N>,
         plan: &SamplingPlan,
         film: &mut F,
-        replicates: &[Samples],
+        replicates: &[impl Taken],
         observer: &impl Observer,
     ) -> Result<(), RenderError> {
         let context = Context::new(*self, view, *values, plan);
-        let UVec2 { x: width, y: height } = film.size();
+        let size = film.size();
         let (bad_before, over_before) = film.defects();
         film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(y, mut row)| {
             row.open();
             for samples in replicates {
                 if !observer.cancelled() {
-                    render_row(&context, &mut row, samples, y as u32, width);
+                    render_row(&context, &mut row, samples, y as u32, size.x);
                     row.end_replicate();
                     observer.advance(1);
                 }
@@ -145,8 +145,7 @@ impl Integrator {
         if over > over_before {
             return Err(RenderError::Overflow(over - over_before));
         }
-        let count: u32 = replicates.iter().map(|r| r.count).sum();
-        let samples = u64::from(width) * u64::from(height) * u64::from(count);
+        let samples: u64 = replicates.iter().map(|r| r.total(size)).sum();
         let dropped = bad - bad_before;
         if dropped as f64 > MAX_NON_FINITE * samples as f64 {
             return Err(RenderError::NonFinite { dropped, samples });
@@ -159,16 +158,17 @@ impl Integrator {
 fn render_row<const N: usize>(
     context: &Context<N>,
     row: &mut impl RowRecorder<N>,
-    samples: &Samples,
+    samples: &impl Taken,
     y: u32,
     width: u32,
 ) {
-    let mut sampler = Sampler::new(samples.sampler, samples.seed);
+    let (kind, seed) = samples.sequence();
+    let mut sampler = Sampler::new(kind, seed);
     let mut workspace = bdpt::Workspace::default();
     for x in 0..width {
         row.set_pixel(x as usize);
         let pixel = UVec2::new(x, y);
-        for index in samples.first..samples.first + samples.count {
+        for index in samples.indices(pixel) {
             sampler.start(pixel, index);
             match context.integrator.kind {
                 IntegratorKind::Path => path::sample(context, &mut sampler, pixel, row),

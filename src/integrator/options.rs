@@ -1,7 +1,13 @@
 //! Parameters of a render: integrator, view, samples and values of the background.
 
 use super::IntegratorKind;
-use crate::{camera::Camera, math::hash::hash_words, sampler::SamplerKind, scene::Scene};
+use std::ops::Range;
+
+use glam::UVec2;
+
+use crate::{
+    camera::Camera, film::tiling::Tiling, math::hash::hash_words, sampler::SamplerKind, scene::Scene,
+};
 
 /// Multiple importance sampling heuristic. \[Veach97\] 9.2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,7 +47,17 @@ impl Default for Integrator {
     }
 }
 
-/// Samples of a render: a range of indices of a sequence, for every pixel.
+/// Samples that the pixels of a render take of a sequence.
+pub trait Taken: Sync {
+    /// Family and seed of the sequence.
+    fn sequence(&self) -> (SamplerKind, u64);
+    /// Indices of the samples of a pixel.
+    fn indices(&self, pixel: UVec2) -> Range<u32>;
+    /// Number of samples of all pixels of a picture of `size`.
+    fn total(&self, size: UVec2) -> u64;
+}
+
+/// Samples of a render: a range of indices of a sequence, the same for every pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct Samples {
     /// Family of sample sequences.
@@ -59,6 +75,45 @@ impl Samples {
     #[must_use]
     pub fn replicate(self, r: u64) -> Self {
         Self { seed: hash_words(&[self.seed, r]), ..self }
+    }
+}
+
+impl Taken for Samples {
+    fn sequence(&self) -> (SamplerKind, u64) {
+        (self.sampler, self.seed)
+    }
+    fn indices(&self, _pixel: UVec2) -> Range<u32> {
+        self.first..self.first + self.count
+    }
+    fn total(&self, size: UVec2) -> u64 {
+        u64::from(size.x) * u64::from(size.y) * u64::from(self.count)
+    }
+}
+
+/// Samples of a render whose tiles take ranges of their own of one sequence. Splats are then to be divided by
+/// the mean number of samples of all pixels, what a pixel's own samples bring by their number.
+#[derive(Clone, Debug)]
+pub struct TileSamples {
+    /// Family of sample sequences.
+    pub sampler: SamplerKind,
+    /// Seed of the scrambles of the whole picture.
+    pub seed: u64,
+    /// The tiles of the picture.
+    pub tiling: Tiling,
+    /// Indices of the samples of every pixel of a tile, by tile.
+    pub indices: Vec<Range<u32>>,
+}
+
+impl Taken for TileSamples {
+    fn sequence(&self) -> (SamplerKind, u64) {
+        (self.sampler, self.seed)
+    }
+    fn indices(&self, pixel: UVec2) -> Range<u32> {
+        self.indices[self.tiling.of(pixel)].clone()
+    }
+    fn total(&self, _size: UVec2) -> u64 {
+        let of_tile = |(t, range): (usize, &Range<u32>)| self.tiling.n_pixels(t) as u64 * range.len() as u64;
+        self.indices.iter().enumerate().map(of_tile).sum()
     }
 }
 

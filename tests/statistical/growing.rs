@@ -55,7 +55,7 @@ fn grow(scene: &Scene, kind: IntegratorKind, seed: u64, spp: u32, between: &dyn 
     let (luminance, sampler) = (LuminanceMode::Srgb, SamplerKind::Sobol);
     let renderer = Renderer { integrator: integrator(kind), sampler, luminance };
     let [start, look] = &lightings();
-    let plan = SamplingPlan::for_pictures(&[(start, 0.5), (look, 1.0)]);
+    let plan = SamplingPlan::for_pictures(&[(start, &[0.2, 0.1, 0.2]), (look, &[0.4, 0.2, 0.4])]);
     let view = View { scene, camera: &scene.camera };
     let wanted = Wanted { view, lightings: &[start, look], plan: &plan, seed, spp };
     renderer.grow(&wanted, between, &()).unwrap()
@@ -108,6 +108,44 @@ fn pictures_that_grow_together_are_those_of_renders_of_their_own() {
     }
 }
 
+/// Gives the right one of two tiles five times as many samples as the left one.
+struct Uneven;
+
+impl Between for Uneven {
+    fn is_over(&self) -> bool {
+        false
+    }
+    fn next_round(&self, grown: &Grown) -> Option<Vec<u32>> {
+        (grown.counts() == [4, 4]).then(|| vec![4, 20])
+    }
+}
+
+#[test]
+fn tiles_with_many_and_with_few_samples_have_the_same_light() {
+    let mut scene = scene();
+    scene.camera = scene.camera.resized(UVec2::new(32, 16));
+    for kind in IntegratorKind::ALL {
+        let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 1000, &Uneven)).collect();
+        assert!(grown.iter().all(|grown| grown.counts() == [4, 20] && grown.spp() == 48));
+        for (k, x) in lightings().into_iter().enumerate() {
+            let alone = Subject::lit(&scene, x).measure(&integrator(kind), SamplerKind::Sobol, 9, 40, 64);
+            let pictures: Vec<Picture> = grown.iter().map(|grown| grown.picture(k)).collect();
+            assert_same(&format!("uneven-{}-{k}", kind.name()), &measured(&scene, &pictures), &alone);
+        }
+        let deviation = |columns: std::ops::Range<usize>| {
+            let pixel = |y: usize, x: usize| {
+                let mut moments = Moments::default();
+                grown.iter().for_each(|grown| moments.push(f64::from(grown.beauty(0)[32 * y + x][1])));
+                moments.variance_of_mean()
+            };
+            let each = (0..16).flat_map(|y| columns.clone().map(move |x| (y, x)));
+            each.map(|(y, x)| pixel(y, x)).sum::<f64>()
+        };
+        let [few, many] = [0..16, 16..32].map(deviation);
+        println!("{}: variance {few:.2e} with few samples, {many:.2e} with many", kind.name());
+    }
+}
+
 /// With as many samples as here the display's curve is straight over the noise; with few the jackknife's
 /// variance of a curved function is too large rather than too small (\[Efron82\] theorem 4.1).
 #[test]
@@ -125,7 +163,7 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
             let linear: Vec<Vec<f64>> =
                 grown.luminances(k).iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect();
             let display = Display { width, luminance: LuminanceMode::Srgb, exposure: 1.0 };
-            told[k].push(noise::estimate(&linear, display).whole.powi(2));
+            told[k].push(noise::estimate(&linear, display).noise().whole.powi(2));
             let shown = grown.picture(k).rgb.into_iter().map(|rgb| show(&rgb));
             let squares = shown.zip(&truth[k]).map(|(shown, truth)| (shown - truth).powi(2));
             known[k].push(squares.sum::<f64>() / truth[k].len() as f64);
@@ -167,7 +205,7 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
                 grown.denoised_halves(k, &features).map(|half| half.iter().map(y).collect());
             let [first, second]: [Vec<f64>; 2] = [first, second];
             let mean: Vec<f64> = first.iter().zip(&second).map(|(a, b)| 0.5 * (a + b)).collect();
-            let noise = noise::of_denoised([&first, &second], [[&a, &b], [&c, &d]], display);
+            let noise = noise::of_denoised([&first, &second], [[&a, &b], [&c, &d]], display).noise();
             told.push(noise.whole.powi(2));
             known.push(error(&mean));
             let differences = first.iter().zip(&second).map(|(a, b)| (show(*a) - show(*b)).powi(2));
