@@ -19,7 +19,7 @@ use crate::{
     design::noise::FINAL_NOISE,
     import::{self, LoadOptions, Loaded, sidecar::CameraName},
     integrator::{Integrator, IntegratorKind},
-    lighting::{Lighting, MAX_EXPOSURE},
+    lighting::{self, Lighting, MAX_EXPOSURE},
     math::display::LuminanceMode,
     photo::Look,
     picture::Note,
@@ -194,7 +194,7 @@ impl From<LuminanceArg> for LuminanceMode {
 /// With what is allowed.
 pub fn parse_exposure(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(value) if (1.0 / MAX_EXPOSURE..=MAX_EXPOSURE).contains(&(value as f32)) => Ok(value),
+        Ok(value) if lighting::exposure(value).is_ok() => Ok(value),
         _ => Err(format!("must be a number above 0, from {:e} to {MAX_EXPOSURE:e}", 1.0 / MAX_EXPOSURE)),
     }
 }

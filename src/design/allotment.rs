@@ -45,12 +45,13 @@ pub fn allot(tiling: &Tiling, squares: &[Vec<f64>], counts: &[u32], most: u32) -
         })
         .collect();
     let factor = |f: f64, t: usize| of_parts[plan.parts[t]].max(f);
-    let [enough, much] = GROWTH.map(|growth| growth * plan.total(|t| counts[t]));
+    let total = |of_tile: &dyn Fn(usize) -> u32| plan.tiling.total(of_tile) as f64;
+    let [enough, much] = GROWTH.map(|growth| growth * total(&|t| counts[t]));
     let of_whole = least_factor(|f| {
-        plan.is_met(&tiles, 1.0, |t| factor(f, t)) && plan.total(|t| plan.samples(t, factor(f, t))) >= enough
+        plan.is_met(&tiles, 1.0, |t| factor(f, t)) && total(&|t| plan.samples(t, factor(f, t))) >= enough
     });
     let limited = |limit: f64, t: usize| plan.samples(t, factor(of_whole, t).min(limit));
-    let limit = least_factor(|limit| plan.total(|t| limited(limit, t)) >= much);
+    let limit = least_factor(|limit| total(&|t| limited(limit, t)) >= much);
     tiles.iter().map(|&t| limited(limit, t)).collect()
 }
 
@@ -70,6 +71,7 @@ fn least_factor(is_met: impl Fn(f64) -> bool) -> f64 {
 
 /// What is known of the tiles of some pictures.
 struct Plan<'a> {
+    tiling: &'a Tiling,
     counts: &'a [u32],
     /// Samples per pixel that each tile may have after the round.
     largest: Vec<u32>,
@@ -84,7 +86,7 @@ struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(tiling: &Tiling, squares: &[Vec<f64>], counts: &'a [u32], most: u32) -> Self {
+    fn new(tiling: &'a Tiling, squares: &[Vec<f64>], counts: &'a [u32], most: u32) -> Self {
         let pixels: Vec<f64> = (0..tiling.len()).map(|t| tiling.n_pixels(t) as f64).collect();
         let squares: Vec<Vec<f64>> = squares.iter().map(|squares| smooth(tiling, squares, &pixels)).collect();
         let part_of = |t: usize| {
@@ -99,6 +101,7 @@ impl<'a> Plan<'a> {
             largest: counts.iter().map(|&n| n.saturating_mul(MAX_GROWTH).min(most).max(n)).collect(),
             parts: (0..tiling.len()).map(part_of).collect(),
             roots: (0..tiling.len()).map(root).collect(),
+            tiling,
             counts,
             pixels,
             squares,
@@ -108,11 +111,6 @@ impl<'a> Plan<'a> {
     /// Samples per pixel of a tile at a factor.
     fn samples(&self, tile: usize, factor: f64) -> u32 {
         ((factor * self.roots[tile]).ceil() as u32).clamp(self.counts[tile], self.largest[tile])
-    }
-
-    /// Sum over all pixels.
-    fn total(&self, of_tile: impl Fn(usize) -> u32) -> f64 {
-        self.pixels.iter().enumerate().map(|(t, n)| n * f64::from(of_tile(t))).sum()
     }
 
     /// Whether the mean squared error over some tiles is as small as is allowed in every picture.

@@ -25,9 +25,9 @@ use crate::{
     denoise::{denoise, denoise_picture},
     files::parts::write_numbers,
     film::{Picture, RgbFilm, tiling::Tiling},
-    integrator::{Observer, RenderError, Taken, TileSamples, Values, View, aov::Features},
+    integrator::{Observer, RenderError, TileSamples, Values, View, aov::Features, seed_of_replicate},
     lighting::{Lighting, SamplingPlan},
-    math::{display::luminance, hash::hash_words},
+    math::display::luminance,
 };
 
 /// Replicates of a picture: the jackknife's bias and error estimates need four.
@@ -178,9 +178,7 @@ impl Grown {
 
     /// Samples per pixel of a replicate, the mean over all pixels.
     fn mean_count(&self, replicate: usize) -> f64 {
-        let of_tile = |t| self.tiling.n_pixels(t) as f64 * f64::from(self.count(replicate, t));
-        (0..self.tiling.len()).map(of_tile).sum::<f64>()
-            / f64::from(self.tiling.size.element_product().max(1))
+        self.tiling.mean(|t| self.count(replicate, t))
     }
 
     /// Samples per pixel of each replicate, by tile, after a round.
@@ -195,7 +193,13 @@ impl Grown {
         self.most[0]
     }
 
-    /// Samples per pixel of all replicates, the mean over all pixels.
+    /// Samples of all pixels and replicates.
+    #[must_use]
+    pub fn n_samples(&self) -> u64 {
+        (0..REPLICATES).map(|r| self.tiling.total(|t| self.count(r, t))).sum()
+    }
+
+    /// Samples per pixel of all replicates, the mean over all pixels, rounded.
     #[must_use]
     pub fn spp(&self) -> u32 {
         (0..REPLICATES).map(|r| self.mean_count(r)).sum::<f64>().round() as u32
@@ -214,12 +218,9 @@ impl Grown {
     /// The next pass of the present round: the replicate, and its samples in the round when the pass is done;
     /// `None` at the end of the round.
     fn next_pass(&self) -> Option<(usize, u32)> {
-        let in_round = self.wanted.iter().zip(&self.done).map(|(wanted, done)| wanted - done);
-        let most = in_round.clone().max()?;
-        let sum =
-            in_round.enumerate().map(|(t, n)| self.tiling.n_pixels(t) as f64 * f64::from(n)).sum::<f64>();
-        let mean = sum / f64::from(self.tiling.size.element_product().max(1));
-        let n_passes = (mean / f64::from(MAX_PASS)).ceil().max(1.0) as u32;
+        let in_round = |t: usize| self.wanted[t] - self.done[t];
+        let most = (0..self.tiling.len()).map(in_round).max()?;
+        let n_passes = (self.tiling.mean(in_round) / f64::from(MAX_PASS)).ceil().max(1.0) as u32;
         let (replicate, &passed) = self.passed.iter().enumerate().min_by_key(|(_, n)| **n)?;
         // Short passes first, so that there is a picture soon.
         let step = if self.done[0] == 0 { passed.clamp(1, MAX_PASS) } else { most.div_ceil(n_passes) };
@@ -245,19 +246,19 @@ impl Grown {
     /// Picture of the k-th lighting with all samples.
     #[must_use]
     pub fn picture(&self, k: usize) -> Picture {
-        Layers::new(self, k, &[0, 1]).picture()
+        Layers::new(self, k, 0..2).picture()
     }
 
     /// Radiance of the k-th lighting with all samples, row by row: that of [`Self::picture`].
     #[must_use]
     pub fn beauty(&self, k: usize) -> Vec<[f32; 3]> {
-        Layers::new(self, k, &[0, 1]).beauty()
+        Layers::new(self, k, 0..2).beauty()
     }
 
     /// Pictures of the k-th lighting with the samples of either half of the replicates.
     #[must_use]
     pub fn halves(&self, k: usize) -> [Picture; 2] {
-        std::array::from_fn(|h| Layers::new(self, k, &[h]).picture())
+        std::array::from_fn(|h| Layers::new(self, k, h..h + 1).picture())
     }
 
     /// Picture of the k-th lighting without its noise.
@@ -390,17 +391,17 @@ struct Layers<'a> {
     of: &'a Grown,
     /// Index of the lighting.
     k: usize,
-    /// Sums of the samples, each with what makes means of all of them.
-    sums: Vec<&'a Sums>,
+    /// Sums of the samples of some halves.
+    sums: &'a [Sums],
+    /// What makes means of the sums of all these halves together.
     shares: Shares,
 }
 
 impl<'a> Layers<'a> {
-    /// Of the k-th lighting, with the samples of some halves, in their order.
-    fn new(of: &'a Grown, k: usize, halves: &[usize]) -> Self {
-        let first = halves.first().map_or(0, |h| h * OF_HALF);
-        let shares = of.shares(first..first + OF_HALF * halves.len());
-        Self { of, k, sums: halves.iter().map(|&h| &of.halves[h]).collect(), shares }
+    /// Layers of the k-th lighting, with the samples of a range of the halves of the replicates.
+    fn new(of: &'a Grown, k: usize, halves: Range<usize>) -> Self {
+        let shares = of.shares(OF_HALF * halves.start..OF_HALF * halves.end);
+        Self { of, k, sums: &of.halves[halves], shares }
     }
 
     fn lighting(&self) -> &Lighting {
@@ -477,12 +478,11 @@ impl Renderer {
                 }
                 let samples = TileSamples {
                     sampler: self.sampler,
-                    seed: hash_words(&[seed, replicate as u64]),
+                    seed: seed_of_replicate(seed, replicate as u64),
                     tiling: grown.tiling,
                     indices: grown.pass(replicate, passed),
                 };
-                let n_pixels = u64::from(size.x) * u64::from(size.y);
-                let mean = samples.total(size) as f64 / n_pixels.max(1) as f64;
+                let mean = grown.tiling.mean(|t| samples.indices[t].len() as u32);
                 let between_rows = has_picture.then_some(between);
                 let watched = EndsWithin { observer, between: between_rows, mean, rows: AtomicU64::new(0) };
                 match self.render_nodes(wanted, &nodes, &mut film, samples, &watched) {

@@ -59,7 +59,7 @@ struct Shot<'t, 'a> {
     lighting: Lighting,
     /// Share of the samples, and inverse of the noise allowed, both in those of a picture of lights found.
     weight: f32,
-    /// Share of its samples that each light is to be chosen for.
+    /// Share of all samples that each light is to be chosen for, for this picture.
     lights: Vec<f32>,
 }
 
@@ -137,7 +137,7 @@ pub(super) fn take(
     }
     let shot = |name, tasks, u: &[f64], lights: &[f32], weight| {
         let (u, lighting) = (u.to_vec(), setup.lighting(u));
-        Shot { name, tasks, u, lighting, weight, lights: lights.to_vec() }
+        Shot { name, tasks, u, lighting, weight, lights: lights.iter().map(|share| weight * share).collect() }
     };
     let all = looks.iter().enumerate().map(|(i, look)| (i, look.task)).collect();
     let start = shot("initial", all, &setup.variables.start(), start_lights, START_WEIGHT);
@@ -191,26 +191,23 @@ fn take_group(
         .collect::<Result<_, _>>()?;
 
     let lightings: Vec<&Lighting> = shots.iter().map(|shot| &shot.lighting).collect();
-    let weights = |shot: &Shot| shot.lights.iter().map(|weight| shot.weight * weight).collect();
-    let weights: Vec<Vec<f32>> = shots.iter().map(weights).collect();
     let weighted: Vec<(&Lighting, &[f32])> =
-        lightings.iter().zip(&weights).map(|(&x, weights)| (x, weights.as_slice())).collect();
+        shots.iter().map(|shot| (&shot.lighting, shot.lights.as_slice())).collect();
     let plan = SamplingPlan::for_pictures(&weighted);
     let wanted =
         Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
     reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
     let (failure, last_look) = (Mutex::new(None), Mutex::new((0, Vec::new())));
     let next_round = |grown: &Grown| {
-        let errors = match look_at(shots, grown, features, setup, reporter) {
-            Ok(errors) => errors,
+        let (noise, errors) = match look_at(shots, grown, features, setup, reporter) {
+            Ok(seen) => seen,
             Err(e) => {
                 failure.lock().map(|mut failure| *failure = Some(e)).ok();
                 return None;
             }
         };
-        let noise: Vec<Noise> = errors.iter().map(SquaredErrors::noise).collect();
         let is_enough = largest_counted(shots, &noise) < options.final_noise;
-        last_look.lock().map(|mut last| *last = (grown.spp(), noise)).ok()?;
+        last_look.lock().map(|mut last| *last = (grown.n_samples(), noise)).ok()?;
         (!is_enough).then(|| allot(shots, grown, &errors, options.final_noise))
     };
     let is_over = || reporter.cancelled() || end.is_some_and(|end| Instant::now() >= end);
@@ -228,13 +225,10 @@ fn take_group(
     if let Some(e) = failure.into_inner().unwrap_or_default() {
         return Err(e);
     }
-    let (spp, noise) = last_look.into_inner().unwrap_or_default();
-    let noise = match spp == grown.spp() {
+    let (n_samples, noise) = last_look.into_inner().unwrap_or_default();
+    let noise = match n_samples == grown.n_samples() {
         true => noise,
-        false => {
-            let errors = look_at(shots, &grown, features, setup, reporter)?;
-            errors.iter().map(SquaredErrors::noise).collect()
-        }
+        false => look_at(shots, &grown, features, setup, reporter)?.0,
     };
     if !grown.is_complete() {
         reporter.note(&format!("pictures: {} of {} samples a pixel", grown.spp(), options.final_spp));
@@ -298,7 +292,7 @@ fn look_at(
     features: Option<&Features>,
     setup: Setup,
     reporter: &impl Reporter,
-) -> Result<Vec<SquaredErrors>, RunError> {
+) -> Result<(Vec<Noise>, Vec<SquaredErrors>), RunError> {
     let look = |(k, shot): (usize, &Shot)| {
         let (errors, shown) = shot.look(k, grown, features, setup);
         shot.write_png(&shown, setup)?;
@@ -312,7 +306,7 @@ fn look_at(
     let wanted = if asked > 0.0 { format!(", wanted {asked}") } else { String::new() };
     let spp = grown.spp();
     reporter.progress(&format!("pictures: {spp} samples a pixel, noise {error:.4}{wanted}"));
-    Ok(errors)
+    Ok((noise, errors))
 }
 
 /// The same numbers with more digits.

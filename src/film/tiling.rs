@@ -61,6 +61,16 @@ impl Tiling {
     pub fn n_pixels(&self, tile: usize) -> usize {
         self.ranges(tile).iter().map(ExactSizeIterator::len).product()
     }
+
+    /// Sum over all pixels of a number that each tile has for every pixel of it.
+    pub fn total(&self, of_pixel: impl Fn(usize) -> u32) -> u64 {
+        (0..self.len()).map(|t| self.n_pixels(t) as u64 * u64::from(of_pixel(t))).sum()
+    }
+
+    /// Mean over all pixels of a number that each tile has for every pixel of it; 0 without pixels.
+    pub fn mean(&self, of_pixel: impl Fn(usize) -> u32) -> f64 {
+        self.total(of_pixel) as f64 / f64::from(self.size.element_product().max(1))
+    }
 }
 
 #[cfg(test)]
@@ -82,5 +92,8 @@ mod tests {
             }
         }
         assert!(seen.iter().all(|&n| n == 1));
+        // The right column of tiles is 5 wide, the lower row 4 high.
+        assert_eq!(tiling.total(|t| u32::from(t == 2) + 10 * u32::from(t == 3)), 5 * 16 + 10 * 16 * 4);
+        assert_eq!(tiling.mean(|_| 3), 3.0);
     }
 }

@@ -26,7 +26,7 @@ use crate::{
 pub use crate::film::Strategy;
 pub use context::{Context, SampledLight};
 pub use kind::IntegratorKind;
-pub use options::{Heuristic, Integrator, Samples, Taken, TileSamples, Values, View};
+pub use options::{Heuristic, Integrator, Samples, Taken, TileSamples, Values, View, seed_of_replicate};
 
 /// Why a render has no picture.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]

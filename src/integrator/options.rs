@@ -1,10 +1,10 @@
 //! Parameters of a render: integrator, view, samples and values of the background.
 
-use super::IntegratorKind;
 use std::ops::Range;
 
 use glam::UVec2;
 
+use super::IntegratorKind;
 use crate::{
     camera::Camera, film::tiling::Tiling, math::hash::hash_words, sampler::SamplerKind, scene::Scene,
 };
@@ -74,8 +74,14 @@ impl Samples {
     /// The same range of an independently scrambled sequence, that of replicate `r`.
     #[must_use]
     pub fn replicate(self, r: u64) -> Self {
-        Self { seed: hash_words(&[self.seed, r]), ..self }
+        Self { seed: seed_of_replicate(self.seed, r), ..self }
     }
+}
+
+/// Seed of the independently scrambled sequence of replicate `r` of a render.
+#[must_use]
+pub fn seed_of_replicate(seed: u64, r: u64) -> u64 {
+    hash_words(&[seed, r])
 }
 
 impl Taken for Samples {
@@ -112,8 +118,7 @@ impl Taken for TileSamples {
         self.indices[self.tiling.of(pixel)].clone()
     }
     fn total(&self, _size: UVec2) -> u64 {
-        let of_tile = |(t, range): (usize, &Range<u32>)| self.tiling.n_pixels(t) as u64 * range.len() as u64;
-        self.indices.iter().enumerate().map(of_tile).sum()
+        self.tiling.total(|t| self.indices[t].len() as u32)
     }
 }
 

@@ -132,17 +132,6 @@ fn tiles_with_many_and_with_few_samples_have_the_same_light() {
             let pictures: Vec<Picture> = grown.iter().map(|grown| grown.picture(k)).collect();
             assert_same(&format!("uneven-{}-{k}", kind.name()), &measured(&scene, &pictures), &alone);
         }
-        let deviation = |columns: std::ops::Range<usize>| {
-            let pixel = |y: usize, x: usize| {
-                let mut moments = Moments::default();
-                grown.iter().for_each(|grown| moments.push(f64::from(grown.beauty(0)[32 * y + x][1])));
-                moments.variance_of_mean()
-            };
-            let each = (0..16).flat_map(|y| columns.clone().map(move |x| (y, x)));
-            each.map(|(y, x)| pixel(y, x)).sum::<f64>()
-        };
-        let [few, many] = [0..16, 16..32].map(deviation);
-        println!("{}: variance {few:.2e} with few samples, {many:.2e} with many", kind.name());
     }
 }
 
