@@ -72,8 +72,8 @@ pub struct Scene {
     n_occluders: usize,
     /// Height above each light at which a ray starts clear of the surfaces that the light lies on, metres.
     light_clearances: Vec<f32>,
-    /// Middle of each light and radius of a ball about it that no triangle enters, metres; `None` where there
-    /// is no such middle.
+    /// Middle of each light and radius of a ball about it that no triangle enters, metres, for a panel of a
+    /// half-ball before it; `None` where there is no such middle.
     light_rooms: Vec<Option<(Vec3, f32)>>,
 }
 
@@ -131,13 +131,16 @@ impl Scene {
                 }
             }
         }
+        let light_clearances: Vec<f32> =
+            lights.iter().map(|l| visibility::clearance_over(l, &mesh)).collect();
+        let room = |(l, &clearance)| visibility::room_about(l, clearance, &mesh);
         Ok(Self {
             emitters,
             is_background: vec![false; materials.len()],
             is_translucent: materials.iter().any(Material::is_translucent),
             n_occluders: lights.iter().filter(|l| l.occludes).count(),
-            light_clearances: lights.iter().map(|l| visibility::clearance_over(l, &mesh)).collect(),
-            light_rooms: lights.iter().map(|l| visibility::room_about(l, &mesh)).collect(),
+            light_rooms: lights.iter().zip(&light_clearances).map(room).collect(),
+            light_clearances,
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],

@@ -164,20 +164,26 @@ pub(super) fn clearance_over(light: &Light, mesh: &Mesh) -> f32 {
 }
 
 /// Middle of a light and radius of a ball about it that no triangle enters, metres; `None` for a light at
-/// infinity, where rays start outside of everything, and for an emissive mesh, whose triangles are surfaces.
-pub(super) fn room_about(light: &Light, mesh: &Mesh) -> Option<(Vec3, f32)> {
+/// infinity, where rays start outside of everything, and for an emissive mesh, whose triangles are surfaces. Of the
+/// ball about a panel only the half before it counts, from `clearance` above it, where its rays start.
+pub(super) fn room_about(light: &Light, clearance: f32, mesh: &Mesh) -> Option<(Vec3, f32)> {
     let middle = match &light.shape {
         Shape::Planar(s) => s.center,
         Shape::Sphere(s) => s.center,
         Shape::Point(s) => s.position,
         Shape::Distant(_) | Shape::Environment(_) | Shape::Mesh(_) => return None,
     };
+    let is_behind = |corners: [Vec3; 3]| match &light.shape {
+        Shape::Planar(s) => corners.iter().all(|c| (c - s.center).dot(s.frame.n) <= clearance),
+        _ => false,
+    };
     // The distance of its box is a lower bound of a triangle's.
-    let distance = |triangle| {
-        let b = Bounds::of(mesh.corners(triangle));
+    let distance = |corners: [Vec3; 3]| {
+        let b = Bounds::of(corners);
         middle.clamp(b.lo, b.hi).distance(middle)
     };
-    let each = (0..mesh.indices.len()).into_par_iter().map(distance);
+    let corners = (0..mesh.indices.len()).into_par_iter().map(|triangle| mesh.corners(triangle));
+    let each = corners.filter(|&corners| !is_behind(corners)).map(distance);
     let nearest = each.reduce(|| f32::MAX, f32::min);
     // What boxes, lengths and the sum of two of them round, and as much again.
     let rounding = 16.0 * f32::EPSILON * (middle.abs().max_element() + nearest);
