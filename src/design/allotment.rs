@@ -17,9 +17,11 @@ const MAX_GROWTH: u32 = 8;
 /// and at most. Without the latter every tile of the fruit basket grew as much as it might after the first round,
 /// and none was spared.
 const GROWTH: [f64; 2] = [1.1, 3.0];
-/// Share of the mean squared error of the picture that a tile's is taken to have at least, against an estimate
-/// that is small or negative by chance.
-const LEAST_SHARE: f64 = 0.02;
+/// Share of the mean squared error of the picture that is added to a tile's before samples are shared out, since
+/// that may be small or negative by chance: samples would end first where the error only seems small. With a floor of .02 in its place what was told
+/// of the fruit basket was too small by a sixth and its backdrop mottled; with .2 it is too small by a twentieth,
+/// for no more time at the same error.
+const SHARE_OF_MEAN: f64 = 0.2;
 /// Halvings of the range of f: 2⁻⁴⁰ of 60 octaves is less than a sample.
 const HALVINGS: u32 = 40;
 /// Largest f looked at, and inverse of the least.
@@ -81,21 +83,29 @@ struct Plan<'a> {
     parts: Vec<usize>,
     /// Mean squared error of each tile in each picture.
     squares: Vec<Vec<f64>>,
-    /// Root of the variance of each tile, the largest over the pictures.
+    /// Root of the variance of each tile with its share of the mean, the largest over the pictures.
     roots: Vec<f64>,
 }
 
 impl<'a> Plan<'a> {
     fn new(tiling: &'a Tiling, squares: &[Vec<f64>], counts: &'a [u32], most: u32) -> Self {
         let pixels: Vec<f64> = (0..tiling.len()).map(|t| tiling.n_pixels(t) as f64).collect();
-        let squares: Vec<Vec<f64>> = squares.iter().map(|squares| smooth(tiling, squares, &pixels)).collect();
+        let smooth = |squares: &Vec<f64>| -> Vec<f64> {
+            (0..tiling.len()).map(|t| around(tiling, squares, &pixels, t).max(0.0)).collect()
+        };
+        let squares: Vec<Vec<f64>> = squares.iter().map(smooth).collect();
+        let mean = |squares: &Vec<f64>| {
+            let sum: f64 = squares.iter().zip(&pixels).map(|(square, n)| square * n).sum();
+            sum / pixels.iter().sum::<f64>().max(1.0)
+        };
+        let means: Vec<f64> = squares.iter().map(mean).collect();
         let part_of = |t: usize| {
             let middle = tiling.ranges(t).map(|range| (range.start + range.end) as usize / 2);
             sixteenth(middle, tiling.size.to_array().map(|n| n as usize))
         };
         let root = |t: usize| {
-            let square = squares.iter().map(|squares| squares[t]).fold(0.0, f64::max);
-            (square * f64::from(counts[t])).sqrt()
+            let each = squares.iter().zip(&means).map(|(squares, mean)| squares[t] + SHARE_OF_MEAN * mean);
+            (each.fold(0.0, f64::max) * f64::from(counts[t])).sqrt()
         };
         Self {
             largest: counts.iter().map(|&n| n.saturating_mul(MAX_GROWTH).min(most).max(n)).collect(),
@@ -123,13 +133,6 @@ impl<'a> Plan<'a> {
         };
         self.squares.iter().all(left)
     }
-}
-
-/// Mean squared errors of tiles, each the mean over those about it, and none far below that of the picture.
-fn smooth(tiling: &Tiling, squares: &[f64], pixels: &[f64]) -> Vec<f64> {
-    let sum: f64 = squares.iter().zip(pixels).map(|(square, n)| square * n).sum();
-    let least = LEAST_SHARE * (sum / pixels.iter().sum::<f64>().max(1.0)).max(0.0);
-    (0..tiling.len()).map(|t| around(tiling, squares, pixels, t).max(least)).collect()
 }
 
 /// Mean squared error over a tile and those about it: that of a tile alone is known to about its own size.
@@ -216,7 +219,7 @@ mod tests {
         let next = allot(&TILING, &[far], &counts, 100_000);
         let growth = f64::from(total(&next)) / f64::from(total(&counts));
         assert!((2.4..=3.01).contains(&growth), "{growth}");
-        assert!(next[0] >= 790 && next[TILING.len() - 1] <= 120, "{} {:?}", next[0], next.last());
+        assert!(next[0] >= 650 && next[TILING.len() - 1] <= 180, "{} {:?}", next[0], next.last());
     }
 
     #[test]

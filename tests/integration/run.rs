@@ -110,7 +110,7 @@ fn records_all_it_did(room: &Room, gradient: &str) {
     {
         assert_eq!(options[key].as_integer(), Some(value), "{key}");
     }
-    assert_eq!(options["final_noise"].as_float(), Some(0.0065));
+    assert_eq!(options["final_noise"].as_float(), Some(0.0073));
     assert_eq!(options["size"].to_string(), "[24, 18]");
     assert_eq!(options["work_size"].to_string(), "[16, 12]");
     assert_eq!(options["integrator"].as_str(), Some("bdpt"));
