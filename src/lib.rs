@@ -70,6 +70,8 @@
 //! - \[H273\] Recommendation ITU-T H.273, *Coding-independent code points*, 2021.
 //! - \[Georgiev12\] I. Georgiev et al., *Light Transport Simulation with Vertex Connection
 //!   and Merging*, ACM TOG 31(6), 2012.
+//! - \[Grittmann22\] P. Grittmann et al., *Efficiency-Aware Multiple Importance Sampling for Bidirectional Rendering
+//!   Algorithms*, ACM TOG 41(4), 2022.
 //! - \[He15\] Z. He, X. Wang, *On the Convergence Rate of Randomized Quasi-Monte Carlo for
 //!   Discontinuous Functions*, SIAM J. Numer. Anal. 53(5), 2015.
 //! - \[Heitz16\] E. Heitz, J. Hanika, E. d'Eon, C. Dachsbacher, *Multiple-Scattering

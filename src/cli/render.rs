@@ -28,7 +28,7 @@ use crate::{
         image_file::write_png,
     },
     integrator::{
-        Observer, View,
+        Observer, Pilot, View,
         aov::{self, Features},
     },
     lighting::SamplingPlan,
@@ -79,6 +79,11 @@ pub struct RenderArgs {
     #[arg(long)]
     pub denoise: bool,
 
+    /// Say what is decided on the way: how many light samples and light subpaths a camera subpath takes, which
+    /// suits the scene
+    #[arg(short, long)]
+    pub verbose: bool,
+
     /// File to write: .exr or .png [default: SCENE.exr]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -126,9 +131,16 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             sampler: args.transport.sampler,
             luminance: LuminanceMode::Srgb,
         };
-        let plan = SamplingPlan::for_picture(&lighting);
-        let is_over = || console.cancelled();
         let seed = args.transport.seed;
+        let integrator = renderer.integrator;
+        let lightings = &[&lighting];
+        let pilot = Pilot { integrator, view, lightings, sampler: renderer.sampler, seed, spp: args.spp };
+        let plan = SamplingPlan::for_picture(&lighting);
+        let plan = SamplingPlan { counts: pilot.choose(&plan), ..plan };
+        if args.verbose {
+            console.note(&plan.counts.to_string());
+        }
+        let is_over = || console.cancelled();
         let (picture, spp, denoised) = if args.denoise {
             let wanted = Wanted { view, lightings: &[&lighting], plan: &plan, seed, spp: args.spp };
             let grown = renderer.grow(&wanted, &is_over, &console)?;
@@ -154,6 +166,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
                 "luminance": renderer.luminance,
                 "integrator": renderer.integrator.kind,
                 "spp": spp,
+                "sampling": plan.counts,
                 "seed": args.transport.seed,
                 "version": env!("CARGO_PKG_VERSION"),
                 "commit": env!("LIGHTOPT_COMMIT"),

@@ -25,8 +25,8 @@ use crate::{
     denoise::{denoise, denoise_picture},
     files::parts::write_numbers,
     film::{Picture, RgbFilm, tiling::Tiling},
-    integrator::{Observer, RenderError, TileSamples, Values, View, aov::Features, seed_of_replicate},
-    lighting::{Lighting, SamplingPlan},
+    integrator::{Observer, RenderError, TileSamples, Values, View, Work, aov::Features, seed_of_replicate},
+    lighting::{Lighting, SampleCounts, SamplingPlan},
     math::display::luminance,
 };
 
@@ -110,6 +110,8 @@ impl Sums {
 pub struct Grown {
     tiling: Tiling,
     lightings: Vec<Lighting>,
+    /// Numbers of light samples and light subpaths of a camera subpath.
+    sampling: SampleCounts,
     /// Samples per pixel of each replicate, by tile, when the present round began.
     done: Vec<u32>,
     /// Samples per pixel of each replicate, by tile, when the present round is done.
@@ -136,6 +138,7 @@ impl Grown {
         Self {
             tiling,
             lightings: wanted.lightings.iter().map(|&x| x.clone()).collect(),
+            sampling: wanted.plan.counts,
             done: vec![0; tiling.len()],
             wanted: vec![FIRST_ROUND.min(most[0]); tiling.len()],
             passed: [0; REPLICATES],
@@ -158,6 +161,12 @@ impl Grown {
     #[must_use]
     pub fn is_complete(&self) -> bool {
         self.is_complete
+    }
+
+    /// Numbers of light samples and light subpaths of a camera subpath.
+    #[must_use]
+    pub fn sampling(&self) -> SampleCounts {
+        self.sampling
     }
 
     /// The tiles that have numbers of samples of their own.
@@ -488,7 +497,7 @@ impl Renderer {
                 match self.render_nodes(wanted, &nodes, &mut film, samples, &watched) {
                     Err(RenderError::Cancelled) if has_picture => break 'rounds,
                     other => other?,
-                }
+                };
                 grown.add(replicate, passed, &mut film);
                 between.passed(&grown, false);
             }
@@ -510,7 +519,7 @@ impl Renderer {
         film: &mut RgbFilm,
         samples: TileSamples,
         observer: &impl Observer,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Work, RenderError> {
         let Wanted { view, plan, .. } = *wanted;
         let (integrator, samples) = (&self.integrator, &[samples]);
         match nodes.0.len() {

@@ -9,6 +9,7 @@ use super::{
     growing::{Grown, Wanted},
     noise::{self, Display, Noise, SquaredErrors},
     products::{GrowingPictures, growing_key},
+    render::Renderer,
     setup::{Setup, Task},
 };
 use crate::{
@@ -19,7 +20,7 @@ use crate::{
         image_file::{LinearImage, write_png},
     },
     integrator::{
-        RenderError, View,
+        Pilot, RenderError, View,
         aov::{self, Aovs, Features},
     },
     lighting::{Lighting, SamplingPlan},
@@ -194,6 +195,16 @@ fn take_group(
     let weighted: Vec<(&Lighting, &[f32])> =
         shots.iter().map(|shot| (&shot.lighting, shot.lights.as_slice())).collect();
     let plan = SamplingPlan::for_pictures(&weighted);
+    let Renderer { integrator, sampler, .. } = setup.renderer();
+    let pilot = Pilot {
+        integrator,
+        view,
+        lightings: &lightings,
+        sampler,
+        seed: options.seed,
+        spp: options.final_spp,
+    };
+    let plan = SamplingPlan { counts: pilot.choose(&plan), ..plan };
     let wanted =
         Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
     reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));
@@ -339,6 +350,7 @@ fn write(
         attribute["f_q_error"] = estimate.error_bar().into();
         attribute["f_q_picture"] = f_q_picture.into();
         attribute["noise"] = noise.error().into();
+        attribute["sampling"] = json!(grown.sampling());
         if is_incomplete {
             attribute["incomplete"] = true.into();
         }

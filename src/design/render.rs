@@ -148,7 +148,7 @@ impl Renderer {
                     film = before.unwrap_or(film);
                     break;
                 }
-                other => other?,
+                other => _ = other?,
             }
             spp += samples.count;
             let per_sample = clock.elapsed().as_secs_f64() / f64::from(samples.count);

@@ -2,13 +2,13 @@
 
 use glam::{UVec2, Vec2, Vec3};
 
-use super::{Integrator, Values, View};
+use super::{Integrator, Values, View, roulette::roulette};
 use crate::{
     bsdf::Affine,
     camera::Camera,
     light::{Crossing, Light, LightId, LightLeSample, LightLiSample, LightPoint, SizeDensity},
     lighting::{SampleCounts, SamplingPlan},
-    math::{AreaPdf, NodeRgb, Pmf, SolidAnglePdf},
+    math::{AreaPdf, NodeRgb, Pmf, Rgb, SolidAnglePdf},
     sampler::Sampler,
     scene::{Edge, Scene, SurfaceInteraction},
 };
@@ -91,6 +91,13 @@ impl<'a, const N: usize> Context<'a, N> {
             0 => self.light_subpaths(),
             _ => self.light_samples_at(n_edges) as f32,
         }
+    }
+
+    /// Russian roulette after `n_edges` edges of a subpath, where it has begun: the factor on the throughput of a
+    /// subpath that survives, or `None`.
+    #[inline]
+    pub(super) fn roulette(&self, n_edges: usize, throughput: Rgb, u: f32) -> Option<f32> {
+        if n_edges < self.counts.first_roulette as usize { Some(1.0) } else { roulette(throughput, u) }
     }
 
     /// Number of camera subpaths for each light subpath.

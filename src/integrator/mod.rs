@@ -12,7 +12,9 @@ mod direct;
 mod kind;
 mod options;
 pub mod path;
+mod pilot;
 mod roulette;
+mod work;
 
 use glam::{UVec2, Vec2};
 use rayon::prelude::*;
@@ -27,6 +29,8 @@ pub use crate::film::Strategy;
 pub use context::{Context, SampledLight};
 pub use kind::IntegratorKind;
 pub use options::{Heuristic, Integrator, Samples, Taken, TileSamples, Values, View, seed_of_replicate};
+pub use pilot::Pilot;
+pub use work::Work;
 
 /// Why a render has no picture.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -69,8 +73,8 @@ impl Observer for () {
 }
 
 impl Integrator {
-    /// Adds samples of a picture of one lighting to a film. Runs in the current rayon pool; the film is
-    /// the same whatever its number of threads.
+    /// Adds samples of a picture of one lighting to a film, and counts their work. Runs in the current rayon pool;
+    /// the film is the same whatever its number of threads.
     ///
     /// ```
     /// use lightopt_embree::{
@@ -106,7 +110,7 @@ impl Integrator {
         film: &mut F,
         samples: Samples,
         observer: &impl Observer,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Work, RenderError> {
         self.render_values(view, &Values([lighting.value as f32]), plan, film, &[samples], observer)
     }
 
@@ -123,21 +127,24 @@ impl Integrator {
         film: &mut F,
         replicates: &[impl Taken],
         observer: &impl Observer,
-    ) -> Result<(), RenderError> {
+    ) -> Result<Work, RenderError> {
         let context = Context::new(*self, view, *values, plan);
         let size = film.size();
         let (bad_before, over_before) = film.defects();
-        film.rows().into_par_iter().enumerate().with_max_len(1).for_each(|(y, mut row)| {
+        let rows = film.rows().into_par_iter().enumerate().with_max_len(1).map(|(y, mut row)| {
+            let mut work = Work::default();
             row.open();
             for samples in replicates {
                 if !observer.cancelled() {
-                    render_row(&context, &mut row, samples, y as u32, size.x);
+                    work += render_row(&context, &mut row, samples, y as u32, size.x);
                     row.end_replicate();
                     observer.advance(1);
                 }
             }
             row.close();
+            work
         });
+        let work = rows.sum();
         if observer.cancelled() {
             return Err(RenderError::Cancelled);
         }
@@ -150,7 +157,7 @@ impl Integrator {
         if dropped as f64 > MAX_NON_FINITE * samples as f64 {
             return Err(RenderError::NonFinite { dropped, samples });
         }
-        Ok(())
+        Ok(work)
     }
 }
 
@@ -161,21 +168,23 @@ fn render_row<const N: usize>(
     samples: &impl Taken,
     y: u32,
     width: u32,
-) {
+) -> Work {
     let (kind, seed) = samples.sequence();
     let mut sampler = Sampler::new(kind, seed);
     let mut workspace = bdpt::Workspace::default();
+    let mut work = Work::default();
     for x in 0..width {
         row.set_pixel(x as usize);
         let pixel = UVec2::new(x, y);
         for index in samples.indices(pixel) {
             sampler.start(pixel, index);
-            match context.integrator.kind {
+            work += match context.integrator.kind {
                 IntegratorKind::Path => path::sample(context, &mut sampler, pixel, row),
                 IntegratorKind::Bdpt => bdpt::sample(context, &mut sampler, pixel, &mut workspace, row),
-            }
+            };
         }
     }
+    work
 }
 
 /// A function as a recorder, called with each contribution and, for t = 1, its raster position.

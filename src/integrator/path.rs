@@ -5,7 +5,7 @@
 
 use glam::UVec2;
 
-use super::{Context, Heuristic, Strategy, direct::LightChoice, roulette::roulette};
+use super::{Context, Heuristic, Strategy, Work, direct::LightChoice};
 use crate::{
     bsdf::TransportMode,
     film::{Contribution, Recorder},
@@ -15,13 +15,14 @@ use crate::{
 };
 
 /// Traces one camera path through `pixel` and records the contributions of all lights that it crosses
-/// or samples.
+/// or samples; returns its work.
 pub fn sample<const N: usize>(
     context: &Context<N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     recorder: &mut impl Recorder<N>,
-) {
+) -> Work {
+    let mut work = Work { samples: 1, ..Work::default() };
     let (mut org, mut dir) = context.camera_ray(sampler, pixel);
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
@@ -33,6 +34,7 @@ pub fn sample<const N: usize>(
     let mut pdf: Option<SolidAnglePdf> = None;
     for n_edges in 1..=max_depth {
         let edge = context.trace(org, dir, None);
+        work.edges += 1;
         context.for_each_crossing(&edge, |id, light, c| {
             if n_edges == 1 && !light.camera_visible {
                 return;
@@ -50,31 +52,33 @@ pub fn sample<const N: usize>(
                 mis_weight,
             });
         });
-        let Some(hit) = edge.hit else { return };
+        let Some(hit) = edge.hit else { break };
         if n_edges == max_depth {
-            return;
+            break;
         }
         let si = hit.si;
         let wo = -dir;
-        next_event(context, &mut connection, &si, wo, &beta, n_edges, recorder);
+        work.light_samples += next_event(context, &mut connection, &si, wo, &beta, n_edges, recorder);
 
         let uc = sampler.next_1d();
         let u = sampler.next_2d();
         let u_roulette = sampler.next_1d();
-        let Some(s) = si.sample(wo, uc, u, TransportMode::Radiance) else { return };
+        let Some(s) = si.sample(wo, uc, u, TransportMode::Radiance) else { break };
         beta = context.scatter(&beta, s.weight, &si);
-        let Some(survivor) = roulette(n_edges, beta.largest(), u_roulette) else { return };
+        let Some(survivor) = context.roulette(n_edges, beta.largest(), u_roulette) else { break };
         beta = beta.scaled(survivor);
         if beta.is_zero() {
-            return;
+            break;
         }
         pdf = (!s.delta).then_some(s.pdf);
         org = si.spawn_origin(s.wi);
         dir = s.wi;
     }
+    work
 }
 
-/// Next-event estimation at `si`, the end of a camera subpath of `n_edges` edges and throughput `beta`.
+/// Next-event estimation at `si`, the end of a camera subpath of `n_edges` edges and throughput `beta`; returns
+/// the number of light samples.
 fn next_event<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,
@@ -83,10 +87,10 @@ fn next_event<const N: usize>(
     beta: &NodeRgb<N>,
     n_edges: usize,
     recorder: &mut impl Recorder<N>,
-) {
+) -> u64 {
     let choices = context.choose_lights(connection, n_edges);
     if !si.bsdf.has_non_delta() {
-        return;
+        return 0;
     }
     for LightChoice { id, expected, u } in choices {
         let light = context.light(id);
@@ -111,6 +115,7 @@ fn next_event<const N: usize>(
             mis_weight,
         });
     }
+    u64::from(context.light_samples_at(n_edges))
 }
 
 /// Weight of a strategy with density `p` against another with density `q`.

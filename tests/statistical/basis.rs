@@ -141,12 +141,12 @@ fn feathered(source: Source, layout: &Layout, x: &Lighting, spp: u32) -> Vec<f64
         for i in 0..spp {
             sampler.start(pixel, i);
             let mut recorder = &mut film;
-            match integrator.kind {
+            _ = match integrator.kind {
                 IntegratorKind::Path => path::sample(&context, &mut sampler, pixel, &mut recorder),
                 IntegratorKind::Bdpt => {
                     bdpt::sample(&context, &mut sampler, pixel, &mut workspace, &mut recorder)
                 }
-            }
+            };
         }
     }
     film.luminance.iter().map(|v| v / f64::from(spp)).collect()

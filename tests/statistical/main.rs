@@ -11,6 +11,7 @@ mod light;
 mod mitsuba;
 mod noise;
 mod opaque;
+mod pilot;
 mod render_errors;
 mod spawn;
 mod surroundings;

@@ -11,19 +11,20 @@ use crate::{
     sampler::Sampler,
 };
 
-/// Strategies (1, t ≥ 2): samples light points as seen from the last of the t vertices `camera`.
+/// Strategies (1, t ≥ 2): samples light points as seen from the last of the t vertices `camera`; returns their
+/// number.
 pub fn next_event<const N: usize>(
     context: &Context<N>,
     connection: &mut Sampler,
     camera: &[Vertex<N>],
     recorder: &mut impl Recorder<N>,
-) {
+) -> u64 {
     let t = camera.len();
     let choices = context.choose_lights(connection, t - 1);
     let z = &camera[t - 1];
-    let Some(si) = z.surface() else { return };
+    let Some(si) = z.surface() else { return 0 };
     if !z.connectible() {
-        return;
+        return 0;
     }
     for LightChoice { id, expected, u } in choices {
         let sampled = context.light(id);
@@ -66,6 +67,7 @@ pub fn next_event<const N: usize>(
             mis_weight,
         });
     }
+    u64::from(context.light_samples_at(t - 1))
 }
 
 /// Strategies (s ≥ 2, t ≥ 2): connects the last of the s vertices `light` with the last of the t

@@ -21,7 +21,7 @@ pub mod weight;
 
 use glam::UVec2;
 
-use super::Context;
+use super::{Context, Work};
 use crate::{
     film::Recorder,
     sampler::{Sampler, Stream},
@@ -37,14 +37,15 @@ pub struct Workspace<'a, const N: usize = 1> {
     pub light: Vec<Vertex<'a, N>>,
 }
 
-/// Traces both subpaths of a sample through `pixel` and records the contributions of all strategies.
+/// Traces both subpaths of a sample through `pixel` and records the contributions of all strategies; returns
+/// their work.
 pub fn sample<'a, const N: usize>(
     context: &Context<'a, N>,
     sampler: &mut Sampler,
     pixel: UVec2,
     workspace: &mut Workspace<'a, N>,
     recorder: &mut impl Recorder<N>,
-) {
+) -> Work {
     let Workspace { camera, light } = workspace;
     let mut connection = sampler.clone();
     connection.start_stream(Stream::Connection);
@@ -59,11 +60,19 @@ pub fn sample<'a, const N: usize>(
         light.clear();
         connection.skip_4d();
     }
+    let mut work = Work {
+        samples: 1,
+        edges: (camera.len() + light.len()) as u64,
+        light_samples: 0,
+        connections: light.len() as u64,
+    };
     for t in 2..=camera.len() {
-        connect::next_event(context, &mut connection, &camera[..t], recorder);
+        work.light_samples += connect::next_event(context, &mut connection, &camera[..t], recorder);
         let s_max = light.len().min(context.integrator.max_depth + 1 - t);
         for s in 2..=s_max {
             connect::vertices(context, &light[..s], &camera[..t], recorder);
         }
+        work.connections += s_max.saturating_sub(1) as u64;
     }
+    work
 }

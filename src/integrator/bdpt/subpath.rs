@@ -3,7 +3,7 @@
 use glam::{UVec2, Vec3};
 
 use super::{
-    super::{Context, Heuristic, Strategy, roulette::roulette},
+    super::{Context, Heuristic, Strategy},
     vertex::{Vertex, VertexKind},
     weight::Partial,
 };
@@ -233,7 +233,7 @@ impl<const N: usize> Walk<N> {
             let Some(s) = sample else { return };
             self.beta = context.scatter(&self.beta, s.weight, &si);
             let throughput = self.beta.largest() / start;
-            let Some(survivor) = roulette(n_edges, throughput, u_roulette) else { return };
+            let Some(survivor) = context.roulette(n_edges, throughput, u_roulette) else { return };
             self.beta = self.beta.scaled(survivor);
             if self.beta.is_zero() {
                 return;
