@@ -10,8 +10,8 @@ use lightopt_embree::{
     integrator::{Integrator, View, aov},
     light::{Light, Shape, SizeDensity, Sphere},
     lighting::{Lighting, SamplingPlan},
-    math::Rgb,
-    objective::{LuminanceMode, Objective, Smoothing, Target},
+    math::{Measure, Rgb},
+    objective::{Objective, Smoothing, Target},
     sampler::SamplerKind,
     scene::{
         Material, Mesh, Scene,
@@ -125,7 +125,7 @@ fn benchmark(c: &mut Criterion) {
             objective: &objective,
             variables: &variables,
             fixed: &fixed,
-            luminance: LuminanceMode::Srgb,
+            measure: Measure::default(),
             least_sizes: &[],
         };
         let u = vec![0.4; variables.len()];

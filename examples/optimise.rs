@@ -11,7 +11,7 @@ use lightopt_embree::{
     import::{self, Loaded},
     integrator::{Integrator, Observer},
     lighting::Lighting,
-    math::display::LuminanceMode,
+    math::Measure,
     objective::Target,
     sampler::SamplerKind,
 };
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         memory: 2 << 30,
         integrator: Integrator::default(),
         sampler: SamplerKind::Sobol,
-        luminance: LuminanceMode::Srgb,
+        measure: Measure::default(),
         size: UVec2::new(320, 240),
         work_size: UVec2::new(64, 48),
         spp: None,

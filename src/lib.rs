@@ -64,6 +64,7 @@
 //! - \[Cochran77\] W. G. Cochran, *Sampling Techniques*, third edition, Wiley 1977.
 //! - \[Efron82\] B. Efron, *The Jackknife, the Bootstrap and Other Resampling Plans*, SIAM
 //!   1982.
+//! - \[EGamut\] FilmLight, *E-Gamut*, the working space of Baselight.
 //! - \[Ericson04\] C. Ericson, *Real-Time Collision Detection*, Morgan Kaufmann 2004.
 //! - \[Gablonsky01\] J. M. Gablonsky, C. T. Kelley, *A Locally-Biased Form of the DIRECT
 //!   Algorithm*, Journal of Global Optimization 21, 2001.
@@ -89,6 +90,7 @@
 //! - \[Kelemen01\] C. Kelemen, L. Szirmay-Kalos, *A Microfacet Based Coupled Specular-Matte
 //!   BRDF Model with Importance Sampling*, Eurographics short presentations, 2001.
 //! - \[Kensler13\] A. Kensler, *Correlated Multi-Jittered Sampling*, Pixar TM 13-01, 2013.
+//! - \[Khronos24\] Khronos Group, *PBR Neutral Tone Mapper*, 2024.
 //! - \[Kolb95\] C. Kolb, D. Mitchell, P. Hanrahan, *A Realistic Camera Model for Computer
 //!   Graphics*, SIGGRAPH 1995.
 //! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
@@ -98,6 +100,8 @@
 //! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,
 //!   Technometrics 3(4), 1961.
 //! - \[Lindbloom\] B. Lindbloom, *RGB/XYZ Matrices*, *Chromatic Adaptation*.
+//! - \[Lottes16\] T. Lottes, *Advanced Techniques and Optimization of HDR Color Pipelines*, GDC
+//!   2016.
 //! - \[Meisters75\] G. Meisters, *Polygons have ears*, Amer. Math. Monthly 82, 1975.
 //! - \[Moon14\] B. Moon, N. Carr, S. Yoon, *Adaptive Rendering Based on Weighted Local
 //!   Regression*, ACM TOG 33(5), 2014.
@@ -132,6 +136,8 @@
 //!   66(335), 1971.
 //! - \[Shirley97\] P. Shirley, K. Chiu, *A Low Distortion Map Between Disk and Square*, JGT
 //!   2(3), 1997.
+//! - \[Sobotka17\] T. J. Sobotka, *Filmic Blender*, an OpenColorIO configuration, 2017.
+//! - \[Sobotka23\] T. J. Sobotka, *SB2383 Configuration Generation*, AgX, 2023.
 //! - \[Steele14\] G. Steele, D. Lea, C. Flood, *Fast Splittable Pseudorandom Number
 //!   Generators*, OOPSLA 2014.
 //! - \[T81\] Recommendation ITU-T T.81, JPEG, 1992.
@@ -155,6 +161,7 @@
 //!   Population Variances are Involved*, Biometrika 34, 1947.
 //! - \[Welford62\] B. Welford, *Note on a Method for Calculating Corrected Sums of Squares
 //!   and Products*, Technometrics 4(3), 1962.
+//! - \[Zhou23\] Z. E. Zhou, *AgX LUT Gen*, 2023.
 
 pub mod audit;
 pub mod bsdf;

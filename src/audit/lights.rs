@@ -8,6 +8,7 @@ use super::stored::About;
 use crate::{
     files::{nearest, number::Number, toml_file::TomlError},
     lighting::{self, Lighting},
+    math::ViewTransform,
     scene::Scene,
     transport::Layout,
 };
@@ -24,6 +25,9 @@ pub struct LightsFile {
     /// Exposure, a factor on luminance before display encoding; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
     pub exposure: Option<f64>,
+    /// ViewTransform through which the picture is seen; that of the scene if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<ViewTransform>,
     /// Setting of the background; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<Background>,
@@ -86,6 +90,7 @@ impl LightsFile {
         Self {
             schema: SCHEMA,
             exposure: Some(x.exposure),
+            view: None,
             background: (!scene.background().is_empty()).then_some(background),
             lights: settings
                 .map(|((light, &radiance), &size)| LightSetting {
@@ -95,6 +100,12 @@ impl LightsFile {
                 })
                 .collect(),
         }
+    }
+
+    /// The same settings, seen through a view, of which nothing is said where it is `srgb`.
+    #[must_use]
+    pub fn seen_through(self, view: ViewTransform) -> Self {
+        Self { view: (view != ViewTransform::Srgb).then_some(view), ..self }
     }
 
     /// Reads a file of settings.

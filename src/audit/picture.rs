@@ -1,7 +1,7 @@
 //! Pictures of a run as EXR: part `rgb` (the beauty), `luminance` (`l`, as
 //! displayed), `mask` (1 on the main object), `albedo`, `normal`, `depth`,
 //! `light.NAME` for the share of each light, `replicates` (linear luminance
-//! of each replicate) where f_q is measured on those, and `denoised` with
+//! of each replicate, with its red and blue for a view that needs colour) where f_q is measured on those, and `denoised` with
 //! `denoised.light.NAME` where noise was removed.
 
 use serde_json::Value;
@@ -13,7 +13,7 @@ use crate::{
         image_file::{LinearImage, mask_part},
     },
     integrator::aov::Aovs,
-    math::display::LuminanceMode,
+    math::{Measure, measure::PLANES},
 };
 
 /// Assembles the EXR of a picture with its auxiliary pictures and a part for each light; `attribute`
@@ -24,10 +24,10 @@ pub fn exr(
     aovs: &Aovs,
     light_names: &[&str],
     exposure: f64,
-    luminance: LuminanceMode,
+    measure: Measure,
     attribute: Value,
 ) -> ExrImage {
-    let display = luminance.encode_image(&picture.rgb, exposure);
+    let display = measure.encode_image(&picture.rgb, exposure);
     let mut parts = vec![
         ExrPart::rgb("rgb", &picture.rgb),
         ExrPart::single("luminance", "l", display.iter().map(|&l| l as f32).collect()),
@@ -40,10 +40,16 @@ pub fn exr(
     ExrImage { width: picture.width, height: picture.height, parts, lightopt: Some(attribute) }
 }
 
-/// The part that holds the linear luminance of each replicate of a picture, in the channels `Y0`, `Y1` …
+/// The part that holds the planes of each replicate of a picture: linear luminance in the channels `Y0`,
+/// `Y1` …, and where the view needs colour, red and blue in `R0`, `B0`, `R1` …
 #[must_use]
-pub fn replicates(luminances: impl IntoIterator<Item = Vec<f32>>) -> ExrPart {
-    let channels = luminances.into_iter().enumerate().map(|(r, y)| (format!("Y{r}"), y)).collect();
+pub fn replicates(planes: impl IntoIterator<Item = Vec<f32>>, measure: Measure) -> ExrPart {
+    let of_replicate = |(r, planes): (usize, Vec<f32>)| {
+        let n = (planes.len() / measure.n_planes()).max(1);
+        let named = PLANES.iter().zip(planes.chunks(n));
+        named.map(|(name, plane)| (format!("{name}{r}"), plane.to_vec())).collect::<Vec<_>>()
+    };
+    let channels = planes.into_iter().enumerate().flat_map(of_replicate).collect();
     ExrPart { name: "replicates".into(), channels }
 }
 

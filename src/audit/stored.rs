@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     integrator::aov::{Aovs, Features},
     lighting::Lighting,
-    math::display::LuminanceMode,
+    math::{Measure, ViewTransform, display::LuminanceMode},
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
     transport::TransportBasis,
@@ -24,8 +24,11 @@ pub struct About {
     /// Lighting of everything that is not set otherwise.
     #[serde(flatten)]
     pub fixed: Lighting,
-    /// Measure of luminance.
+    /// How luminance is measured behind the view.
     pub luminance: LuminanceMode,
+    /// ViewTransform through which pictures are seen; `srgb` in bases of earlier versions.
+    #[serde(default)]
+    pub view: ViewTransform,
     /// Mask of the main object, row by row, as lengths of runs of pixels off and on it in turn.
     pub mask: Vec<usize>,
     /// Variables of the run that rendered the basis.
@@ -95,7 +98,7 @@ impl About {
         fixed: &Lighting,
         aovs: &Aovs,
         variables: &ParamVector,
-        luminance: LuminanceMode,
+        measure: Measure,
     ) -> Self {
         let mut mask = Vec::new();
         let mut on = false;
@@ -112,7 +115,8 @@ impl About {
             scene: scene.name.clone(),
             lights: scene.light_names().into_iter().map(str::to_owned).collect(),
             fixed: fixed.clone(),
-            luminance,
+            luminance: measure.luminance,
+            view: measure.view,
             mask,
             variables: variables
                 .variables
@@ -137,6 +141,12 @@ impl About {
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
             && self.mask.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(layout.n_pixels())
             && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
+    }
+
+    /// Measure of luminance of the run that rendered the basis.
+    #[must_use]
+    pub fn measure(&self) -> Measure {
+        Measure { view: self.view, luminance: self.luminance }
     }
 
     /// Mask of the main object, row by row from the top.
@@ -206,6 +216,7 @@ mod tests {
             lights: vec!["key".into()],
             fixed: fixed.clone(),
             luminance: LuminanceMode::Srgb,
+            view: ViewTransform::Srgb,
             mask: mask.into(),
             variables: Vec::new(),
             features: None,

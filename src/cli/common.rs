@@ -20,7 +20,7 @@ use crate::{
     import::{self, LoadOptions, Loaded, sidecar::CameraName},
     integrator::{Integrator, IntegratorKind},
     lighting::{self, Lighting, MAX_EXPOSURE},
-    math::display::LuminanceMode,
+    math::{ViewTransform, display::LuminanceMode},
     photo::Look,
     picture::Note,
     sampler::SamplerKind,
@@ -188,6 +188,44 @@ impl From<LuminanceArg> for LuminanceMode {
     }
 }
 
+/// The view through which pictures are seen.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct ViewArgs {
+    /// View transform between light and display: what is measured and shown is what it shows [default: the
+    /// sidecar's, else srgb]
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+}
+
+impl ViewArgs {
+    /// The view that is asked for, else that of a `lights.toml`, else that of the scene's sidecar; what is taken
+    /// for a scene of Blender about which nothing is said, is told.
+    #[must_use]
+    pub fn of_scene(
+        self,
+        lights: Option<ViewTransform>,
+        loaded: &Loaded,
+        say: impl Fn(&str),
+    ) -> ViewTransform {
+        let view = self.view.or(lights).or(loaded.view);
+        if view.is_none() && loaded.is_of_blender {
+            say(&format!(
+                "{}: made with Blender, seen through the view srgb (Blender's Standard); Blender's own default is \
+                 --view agx, or `view = \"agx\"` in the sidecar",
+                loaded.scene.name
+            ));
+        }
+        view.unwrap_or_default()
+    }
+}
+
+/// Parses a view.
+pub fn views() -> impl TypedValueParser<Value = ViewTransform> {
+    let possible = ViewTransform::ALL.map(|view| PossibleValue::new(view.name()).help(view.help()));
+    let named = |name: &str| ViewTransform::ALL.into_iter().find(|view| view.name() == name);
+    PossibleValuesParser::new(possible).try_map(move |name| named(&name).ok_or("no such view"))
+}
+
 /// Parses an exposure: a number from 1 / [`MAX_EXPOSURE`] to [`MAX_EXPOSURE`].
 ///
 /// # Errors
@@ -291,19 +329,25 @@ pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> any
 }
 
 /// The lighting that a scene's author gave it, with that of a `lights.toml` and an exposure in its
-/// place where they are given.
+/// place where they are given; and the view of the former.
 ///
 /// # Errors
 /// Those of [`LightsFile::load`] and [`LightsFile::apply`].
-pub fn lighting(scene: &Scene, lights: Option<&Path>, exposure: Option<f64>) -> anyhow::Result<Lighting> {
-    let mut lighting = Lighting::authored(scene);
+pub fn lighting(
+    scene: &Scene,
+    lights: Option<&Path>,
+    exposure: Option<f64>,
+) -> anyhow::Result<(Lighting, Option<ViewTransform>)> {
+    let (mut lighting, mut view) = (Lighting::authored(scene), None);
     if let Some(path) = lights {
-        LightsFile::load(path)?.apply(scene, &mut lighting, path)?;
+        let file = LightsFile::load(path)?;
+        file.apply(scene, &mut lighting, path)?;
+        view = file.view;
     }
     if let Some(e) = exposure {
         lighting.exposure = f64::from(e as f32);
     }
-    Ok(lighting)
+    Ok((lighting, view))
 }
 
 /// Parses a kind of variable.

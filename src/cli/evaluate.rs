@@ -8,12 +8,13 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::common::{say_look, say_notes};
+use super::common::{say_look, say_notes, views};
 use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
+use crate::math::{Measure, ViewTransform};
 use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Objective, Replicates, Target};
 use crate::photo::Look;
-use crate::picture::{Picture, Purpose, Reading};
+use crate::picture::{Picture, Purpose, Reading, Transfer};
 
 /// Bytes of a pixel beside the picture: its brightness and its mask.
 const MEASURED: usize = 9;
@@ -28,7 +29,7 @@ const MEASURED: usize = 9;
 /// picture's cumulated histogram to the target's signature. Brightness runs from 0 (black)
 /// to 1 (display white).
 ///
-/// EXR pictures written by this program bring target, mask, exposure and luminance mode;
+/// EXR pictures written by this program bring target, mask, exposure, view and luminance mode;
 /// options override them. Any other picture needs --target and --mask. Final pictures of a run
 /// bring replicates, from which f_q and terms are freed of the bias of noise; f_q_picture is that of
 /// the picture as it is.
@@ -66,7 +67,12 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
 
-    /// Which brightness is measured [default: as stored, else srgb]
+    /// View transform between light and display, of a picture of light: EXR or HDR; looks measured under
+    /// different views do not compare [default: as stored, else srgb]
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+
+    /// Which brightness is measured, of what the view shows [default: as stored, else srgb]
     #[arg(long, value_enum)]
     pub luminance: Option<LuminanceArg>,
 
@@ -80,6 +86,7 @@ pub struct EvaluateArgs {
 struct Stored {
     exposure: Option<f64>,
     luminance: Option<LuminanceMode>,
+    view: Option<ViewTransform>,
     target: Option<Value>,
     f_q: Option<f64>,
 }
@@ -90,7 +97,7 @@ struct Subject {
     mask: MaskImage,
     target: Target,
     exposure: f64,
-    luminance: LuminanceMode,
+    measure: Measure,
     /// f_q as the file records it, when nothing overrides what it refers to.
     recorded: Option<f64>,
 }
@@ -143,6 +150,13 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
     say_notes(path, &picture.notes, true);
     let stored = stored(path, &picture)?;
     let luminance = args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default();
+    let view = args.view.or(stored.view).unwrap_or_default();
+    ensure!(
+        view == ViewTransform::Srgb || picture.colour.transfer == Transfer::Linear,
+        "{}: --view {view}: the picture is already encoded for a display; a view needs light, as an EXR or HDR \
+         has it",
+        path.display()
+    );
     let target = match (look, &stored.target) {
         (Some(look), _) => look.into_target(luminance, picture.width.max(picture.height))?,
         (None, Some(value)) => {
@@ -171,13 +185,14 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
         picture.height
     );
     let given = [args.target.is_some(), args.mask.is_some(), args.layer.is_some()];
-    let as_recorded = !given.contains(&true) && args.exposure.is_none() && args.luminance.is_none();
+    let shown_otherwise = args.exposure.is_some() || args.luminance.is_some() || args.view.is_some();
+    let as_recorded = !given.contains(&true) && !shown_otherwise;
     Ok(Subject {
         picture,
         mask,
         target,
         exposure: args.exposure.or(stored.exposure).unwrap_or(1.0),
-        luminance,
+        measure: Measure { view, luminance },
         recorded: stored.f_q.filter(|_| as_recorded),
     })
 }
@@ -195,14 +210,17 @@ fn stored(path: &Path, picture: &Picture) -> anyhow::Result<Stored> {
 }
 
 fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
-    let Subject { picture, luminance, exposure, .. } = subject;
+    let Subject { picture, measure, exposure, .. } = subject;
     let Picture { width, height, .. } = *picture;
-    let brightness = |i| luminance.encode(picture.luminance(i), *exposure);
-    let l: Vec<f64> = (0..picture.n_pixels()).map(brightness).collect();
+    let n = picture.n_pixels();
+    let l: Vec<f64> = (0..n).map(|i| measure.encode(picture.over_black(i), *exposure)).collect();
+    // Those of a picture that was seen through srgb have no colour, which other views need.
+    let n_linear = measure.n_planes() * n;
+    let with_planes = picture.replicates.iter().filter(|planes| planes.len() >= n_linear);
     let linear: Vec<Vec<f64>> =
-        picture.replicates.iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect();
+        with_planes.map(|planes| planes[..n_linear].iter().map(|&v| f64::from(v)).collect()).collect();
     if let Some(i) = [&l].into_iter().chain(&linear).find_map(|l| l.iter().position(|l| l.is_nan())) {
-        let (x, y) = (i % width, i / width);
+        let (x, y) = (i % n % width, i % n / width);
         bail!("{}: the pixel at column {x}, row {y} is not a number", args.image.display());
     }
     // The picture has pixels, as many as the mask: what is wrong is what the mask marks.
@@ -213,7 +231,7 @@ fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
     if linear.is_empty() {
         return Ok(Measured { evaluation: plain, of_picture: None });
     }
-    let replicates = Replicates { linear: &linear, luminance: *luminance, exposure: *exposure };
+    let replicates = Replicates { linear: &linear, measure: *measure, exposure: *exposure };
     let estimate = replicates.measure(&objective, LABELLINGS)?;
     let of_picture = OfPicture { error: estimate.error_bar(), f_q: plain.f_q };
     Ok(Measured { evaluation: estimate.evaluation, of_picture: Some(of_picture) })
@@ -225,7 +243,8 @@ fn to_json(subject: &Subject, Measured { evaluation, of_picture }: &Measured) ->
         "terms": evaluation.terms_json(),
         "target": subject.target.name(),
         "exposure": subject.exposure,
-        "luminance": subject.luminance,
+        "luminance": subject.measure.luminance,
+        "view": subject.measure.view,
     });
     if let Some(OfPicture { error, f_q }) = of_picture {
         value["f_q_error"] = json!(error);
@@ -241,14 +260,15 @@ fn to_table(subject: &Subject, measured: &Measured, path: &Path) -> String {
     let Measured { evaluation, of_picture } = measured;
     let object = subject.mask.object.iter().filter(|&&o| o).count();
     let mut text = format!(
-        "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, {} luminance\n\n",
+        "{}: {} x {} pixels, {:.1} % main object\ntarget {}, exposure {}, view {}, {} luminance\n\n",
         one_line(&path.to_string_lossy()),
         subject.picture.width,
         subject.picture.height,
         100.0 * object as f64 / subject.mask.object.len() as f64,
         subject.target.name(),
         subject.exposure,
-        match subject.luminance {
+        subject.measure.view,
+        match subject.measure.luminance {
             LuminanceMode::Srgb => "sRGB-encoded",
             LuminanceMode::Linear => "linear",
         },

@@ -68,7 +68,7 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let console = Console::new();
     let options = args.camera.options(args.confinement);
     let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
-    let lighting = lighting(&scene, args.lights.as_deref(), None)?;
+    let (lighting, _) = lighting(&scene, args.lights.as_deref(), None)?;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };
     let job = ExportJob { view, lighting: &lighting, max_depth: usize::from(args.max_depth) };

@@ -6,11 +6,15 @@ use anyhow::{Context, bail};
 use clap::Args;
 use serde_json::json;
 
-use super::{common::LuminanceArg, output::print};
+use super::{
+    common::{LuminanceArg, views},
+    output::print,
+};
 use crate::{
     audit::{lights::LightsFile, picture, stored::About},
-    film::{exr::write_exr, image_file::write_png},
+    film::{exr::write_exr, image_file::write_view_png},
     integrator::aov::Aovs,
+    math::{Measure, ViewTransform},
     transport::TransportBasis,
 };
 
@@ -38,6 +42,10 @@ pub struct RelightArgs {
     /// Remove noise from the picture that is shown: the PNG, or parts of the EXR beside the noisy ones
     #[arg(long)]
     pub denoise: bool,
+
+    /// View transform between light and display [default: that of --lights, else as stored]
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
 
     /// Which brightness goes into the EXR's luminance [default: as stored]
     #[arg(long, value_enum)]
@@ -70,9 +78,13 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = load(&args.basis)?;
     let mut x = about.lighting();
+    let mut view = args.view;
     if let Some(path) = &args.lights {
-        LightsFile::load(path)?.apply_to(&about, basis.layout(), &mut x, path)?;
+        let file = LightsFile::load(path)?;
+        file.apply_to(&about, basis.layout(), &mut x, path)?;
+        view = view.or(file.view);
     }
+    let view = view.unwrap_or(about.view);
     let exposure = x.exposure;
     let shown = basis.picture(&x);
     let denoised = match (args.denoise, &about.features) {
@@ -89,7 +101,8 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
         }
     };
     if is_exr {
-        let mode = args.luminance.map_or(about.luminance, Into::into);
+        let luminance = args.luminance.map_or(about.luminance, Into::into);
+        let measure = Measure { view, luminance };
         let n = shown.rgb.len();
         let aovs = Aovs {
             width: shown.width,
@@ -103,18 +116,20 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
         let attribute = json!({
             "scene": about.scene,
             "exposure": exposure,
-            "luminance": mode,
+            "luminance": luminance,
+            "view": view,
             "spp": basis.n_samples() * basis.n_replicates() as u32,
             "version": env!("CARGO_PKG_VERSION"),
             "commit": env!("LIGHTOPT_COMMIT"),
         });
-        let mut image = picture::exr(&shown, &aovs, &names, exposure, mode, attribute);
+        let mut image = picture::exr(&shown, &aovs, &names, exposure, measure, attribute);
         // A basis knows nothing of surfaces.
         image.parts.retain(|p| !["albedo", "normal", "depth"].contains(&p.name.as_str()));
         image.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
         write_exr(&args.output, &image)?;
     } else {
-        write_png(&args.output, &picture::beauty(denoised.as_ref().unwrap_or(&shown)), exposure)?;
+        let shown = picture::beauty(denoised.as_ref().unwrap_or(&shown));
+        write_view_png(&args.output, &shown, exposure, view)?;
     }
     print(&format!("{}\n", args.output.display()))
 }

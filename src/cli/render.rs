@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::{
     common::{
-        CameraArgs, ConfinementArgs, TransportArgs, lighting, load_scene, parse_exposure, parse_size,
-        parse_spp,
+        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, lighting, load_scene, parse_exposure,
+        parse_size, parse_spp,
     },
     progress::Console,
     signals,
@@ -25,14 +25,14 @@ use crate::{
     files::atomic::probe,
     film::{
         exr::{write_exr, write_exr_plain},
-        image_file::write_png,
+        image_file::write_view_png,
     },
     integrator::{
         Observer, Pilot, View,
         aov::{self, Features},
     },
     lighting::SamplingPlan,
-    math::display::LuminanceMode,
+    math::Measure,
 };
 
 /// Render a scene with the lights of its sidecar, or with lights that `run` found
@@ -73,6 +73,10 @@ pub struct RenderArgs {
     /// Factor on linear radiance before display [default: the lighting's, else the sidecar's]
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
+
+    /// View transform.
+    #[command(flatten)]
+    pub view: ViewArgs,
 
     /// Remove noise from the picture that is shown: the PNG, or parts of the EXR beside the noisy ones. The
     /// samples, no less than 4, are then those of four replicates
@@ -119,8 +123,10 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let console = Console::new();
     let result = args.transport.in_pool(|| {
         let options = args.camera.options(args.confinement);
-        let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
-        let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
+        let loaded = load_scene(&args.scene, &options, |w| console.note(w))?;
+        let (lighting, view) = lighting(&loaded.scene, args.lights.as_deref(), args.exposure)?;
+        let seen_through = args.view.of_scene(view, &loaded, |w| console.note(w));
+        let scene = loaded.scene;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
         let view = View { scene: &scene, camera: &camera };
         let aovs = aov::trace(view, lighting.value as f32);
@@ -129,7 +135,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         let renderer = Renderer {
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
-            luminance: LuminanceMode::Srgb,
+            measure: Measure { view: seen_through, ..Measure::default() },
         };
         let seed = args.transport.seed;
         let integrator = renderer.integrator;
@@ -157,13 +163,15 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         }
         let exposure = lighting.exposure;
         if is_png {
-            write_png(&output, &picture::beauty(denoised.as_ref().unwrap_or(&picture)), exposure)?;
+            let shown = picture::beauty(denoised.as_ref().unwrap_or(&picture));
+            write_view_png(&output, &shown, exposure, seen_through)?;
         } else {
             let names = scene.light_names();
             let mut attribute = json!({
                 "scene": scene.name,
                 "exposure": exposure,
-                "luminance": renderer.luminance,
+                "luminance": renderer.measure.luminance,
+                "view": seen_through,
                 "integrator": renderer.integrator.kind,
                 "spp": spp,
                 "sampling": plan.counts,
@@ -174,7 +182,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             if !is_whole {
                 attribute["incomplete"] = true.into();
             }
-            let mut exr = picture::exr(&picture, &aovs, &names, exposure, renderer.luminance, attribute);
+            let mut exr = picture::exr(&picture, &aovs, &names, exposure, renderer.measure, attribute);
             exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
             if is_whole { write_exr(&output, &exr) } else { write_exr_plain(&output, &exr) }?;
         }

@@ -15,8 +15,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting,
-        load_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, ViewArgs, free_kinds,
+        lighting, load_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -30,6 +30,7 @@ use crate::{
     },
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
     import::{self, Loaded},
+    math::Measure,
     photo::Look,
     variables::{FreeKinds, VariableKind},
 };
@@ -155,7 +156,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f64>,
 
-    /// Which brightness is measured [default: srgb]
+    /// View transform.
+    #[command(flatten)]
+    pub view: ViewArgs,
+
+    /// Which brightness is measured, of what the view shows [default: srgb]
     #[arg(long, value_enum)]
     pub luminance: Option<LuminanceArg>,
 
@@ -256,10 +261,11 @@ fn work(
     let console = Console::new();
     let basis_file = root.join(BASIS);
     let done = args.transport.in_pool(|| {
-        let Loaded { scene, constraints, staging, .. } =
-            load_scene(args.scene(), &args.camera.options(args.confinement), |w| console.note(w))?;
+        let loaded = load_scene(args.scene(), &args.camera.options(args.confinement), |w| console.note(w))?;
+        let view = args.view.of_scene(None, &loaded, |w| console.note(w));
+        let Loaded { scene, constraints, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
-        let authored = lighting(&scene, None, args.exposure)?;
+        let (authored, _) = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
@@ -281,7 +287,7 @@ fn work(
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
-            luminance,
+            measure: Measure { view, luminance },
             size,
             work_size,
             spp: args.spp,

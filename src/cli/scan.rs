@@ -6,11 +6,15 @@ use anyhow::{Context, bail};
 use clap::Args;
 use plotters::prelude::*;
 
-use super::{common::say_look, relight};
+use super::{
+    common::{say_look, views},
+    relight,
+};
 use crate::{
     audit::{lights::LightsFile, write_whole},
     design::evaluator::Evaluator,
     files::{csv_file, nearest},
+    math::{Measure, ViewTransform},
     objective::{JackknifeEstimate, LABELLINGS, Term},
     photo::Look,
     variables::ParamVector,
@@ -48,6 +52,11 @@ pub struct ScanArgs {
     #[arg(long, value_name = "FILE")]
     pub lights: Option<PathBuf>,
 
+    /// View transform between light and display; another than that of the run that stored the basis needs a
+    /// basis with colour, as all views but srgb make it [default: as stored]
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+
     /// CSV to write; the plot has the same name, ending in .png
     #[arg(short, long, value_name = "FILE.csv", default_value = "scan.csv")]
     pub output: PathBuf,
@@ -65,6 +74,16 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     }
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = relight::load(&args.basis)?;
+    let measure = Measure { view: args.view.unwrap_or(about.view), ..about.measure() };
+    if measure.n_planes() > basis.layout().planes {
+        bail!(
+            "{}: --view {}: the basis has the luminance of its replicates alone; `run --view {}` makes one with \
+             their colour",
+            args.basis.display(),
+            measure.view,
+            measure.view
+        );
+    }
     let longest = basis.layout().size.max_element() as usize;
     let target = look.into_target(about.luminance, longest)?;
     let all = about.variables();
@@ -86,7 +105,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         objective: &objective,
         variables: &variables,
         fixed: &fixed,
-        luminance: about.luminance,
+        measure,
         least_sizes: &[],
     };
     let mut rows: Vec<(f64, JackknifeEstimate)> = Vec::new();

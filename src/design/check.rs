@@ -19,7 +19,6 @@ use crate::{
     integrator::{Samples, Values},
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
-    math::display::luminance,
     objective::{JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates},
 };
 
@@ -198,9 +197,10 @@ fn measure(
     setup: Setup,
     lighting: &Lighting,
 ) -> Result<JackknifeEstimate, ObjectiveError> {
-    let pixel = |film: &RgbFilm, p| luminance(film.sum(p, node).map(|v| (v / f64::from(samples)) as f32));
+    let pixel = |film: &RgbFilm, p| film.sum(p, node).map(|v| (v / f64::from(samples)) as f32);
     let n = setup.camera.size().element_product() as usize;
-    let linear: Vec<Vec<f64>> = films.iter().map(|film| (0..n).map(|p| pixel(film, p)).collect()).collect();
-    let (luminance, exposure) = (setup.options.luminance, lighting.exposure);
-    Replicates { linear: &linear, luminance, exposure }.measure(objective, LABELLINGS)
+    let (measure, exposure) = (setup.options.measure, lighting.exposure);
+    let planes = |film: &RgbFilm| measure.planes(&(0..n).map(|p| pixel(film, p)).collect::<Vec<_>>());
+    let linear: Vec<Vec<f64>> = films.iter().map(planes).collect();
+    Replicates { linear: &linear, measure, exposure }.measure(objective, LABELLINGS)
 }

@@ -387,8 +387,8 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let setup = self.setup;
         let attribute = attribute(setup, &self.task.job.target, u, plain, self.spp);
         let (names, exposure) = (setup.scene.light_names(), setup.fitted.lighting.exposure);
-        let luminance = setup.options.luminance;
-        let exr = picture::exr(&rendered.picture, setup.aovs, &names, exposure, luminance, attribute);
+        let measure = setup.options.measure;
+        let exr = picture::exr(&rendered.picture, setup.aovs, &names, exposure, measure, attribute);
         self.task.dir.log_iterations(&[(line, exr)])?;
         self.iterations += 1;
         Ok(())

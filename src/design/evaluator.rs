@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::{
     lighting::Lighting,
-    math::display::LuminanceMode,
+    math::Measure,
     objective::{
         JackknifeEstimate, Jackknifed, Objective, ObjectiveError, Replicates, Residuals, Smoothing,
         Statistics,
@@ -35,8 +35,8 @@ pub struct Evaluator<'a> {
     pub variables: &'a ParamVector,
     /// Lighting of everything that does not vary.
     pub fixed: &'a Lighting,
-    /// Measure of luminance.
-    pub luminance: LuminanceMode,
+    /// Measure of luminance, for which the bases have the planes.
+    pub measure: Measure,
     /// Least size of each light within which enough samples fall, see [`Self::lower_bounds`]; empty where
     /// every size has enough.
     pub least_sizes: &'a [f64],
@@ -47,7 +47,7 @@ pub struct Evaluator<'a> {
 pub struct Scratch<'a> {
     /// Tables for the background's value of the last evaluations.
     value: ValueCache<'a>,
-    /// Linear luminance of each replicate.
+    /// Planes of each replicate.
     replicates: Vec<Vec<f64>>,
     /// Mean of the replicates.
     mean: Vec<f64>,
@@ -55,13 +55,13 @@ pub struct Scratch<'a> {
     linear: Vec<f64>,
     /// Display luminance: of the mean, then of the mean without each replicate.
     display: Vec<Vec<f64>>,
-    /// Derivative of display luminance by linear luminance, in the same order.
+    /// Derivatives of display luminance by each plane, in the same order.
     slopes: Vec<Vec<f64>>,
     /// Adjoint image of the mean.
     adjoint: Vec<f64>,
     /// Adjoint images, as `[function differentiated][replicate]`.
     adjoints: Vec<Vec<Vec<f64>>>,
-    /// Derivatives of the luminance of each replicate.
+    /// Derivatives of the planes of each replicate.
     tangents: Vec<Tangents>,
 }
 
@@ -123,17 +123,17 @@ impl<'a> Evaluator<'a> {
     /// and of the means without each of them, with their derivatives if wanted.
     fn images(&self, x: &Lighting, differentiate: bool, scratch: &mut Scratch<'a>) {
         let n = self.halves.layout().n_pixels();
+        let n_linear = n * self.measure.n_planes();
         let count = self.halves.n_replicates();
         scratch.replicates.resize_with(count, Vec::new);
-        scratch.replicates.iter_mut().for_each(|i| i.resize(n, 0.0));
-        for images in [&mut scratch.display, &mut scratch.slopes] {
+        scratch.replicates.iter_mut().for_each(|i| i.resize(n_linear, 0.0));
+        for (images, n) in [(&mut scratch.display, n), (&mut scratch.slopes, n_linear)] {
             images.resize_with(count + 1, Vec::new);
             images.iter_mut().for_each(|i| i.resize(n, 0.0));
         }
         scratch.mean.clear();
-        scratch.mean.resize(n, 0.0);
-        scratch.linear.resize(n, 0.0);
-        scratch.adjoint.resize(n, 0.0);
+        scratch.mean.resize(n_linear, 0.0);
+        scratch.linear.resize(n_linear, 0.0);
         scratch.tangents.resize_with(count, Tangents::default);
         let Scratch { value, replicates, mean, linear, display, slopes, tangents, .. } = scratch;
         let share = 1.0 / count as f64;
@@ -150,7 +150,7 @@ impl<'a> Evaluator<'a> {
             }
         }
         let encode = |y: &[f64], l: &mut [f64], slope: &mut [f64]| {
-            self.luminance.encode_all(y, x.exposure, l, slope);
+            self.measure.encode_all(y, x.exposure, l, slope);
         };
         encode(mean, &mut display[0], &mut slopes[0]);
         let (rest, all) = (1.0 / (count as f64 - 1.0), count as f64);
@@ -234,19 +234,19 @@ impl<'a> Evaluator<'a> {
         adjoints.resize_with(dz.len().max(adjoints.len()), Vec::new);
         for (dz, adjoints) in dz.iter().zip(&mut *adjoints) {
             adjoints.resize_with(one_out.len(), Vec::new);
-            adjoints.iter_mut().for_each(|image| image.resize(layout.n_pixels(), 0.0));
+            for image in adjoints.iter_mut().chain([&mut *common]) {
+                image.resize(layout.n_pixels(), 0.0);
+            }
             let out = (common.as_mut_slice(), adjoints.as_mut_slice());
             self.objective.adjoints((&display[0], &one_out), z, dz, smoothing.ramp, out)?;
             // Back from the display to each replicate: it is part of the mean, and of
             // every mean that leaves out another.
             let count = one_out.len() as f64;
             let rest = 1.0 / (count - 1.0);
-            common.iter_mut().zip(&slopes[0]).for_each(|(a, s)| *a *= s / count);
+            to_planes(common, &slopes[0], |s| s / count);
             for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
-                for ((a, s), all) in adjoint.iter_mut().zip(slopes).zip(common.iter_mut()) {
-                    *a *= s * rest;
-                    *all += *a;
-                }
+                to_planes(adjoint, slopes, |s| s * rest);
+                common.iter_mut().zip(adjoint).for_each(|(all, a)| *all += *a);
             }
             for adjoint in &mut *adjoints {
                 adjoint.iter_mut().zip(&*common).for_each(|(a, all)| *a = all - *a);
@@ -303,7 +303,7 @@ impl<'a> Evaluator<'a> {
             .collect();
         let measure = |&(tables, part): &(&dyn Tables, &[usize])| {
             let of: Vec<&Lighting> = part.iter().map(|&i| &lightings[i]).collect();
-            let images = linear(tables, &of);
+            let images = linear(tables, &of, self.measure.n_planes());
             let measured = images
                 .iter()
                 .zip(&of)
@@ -315,9 +315,9 @@ impl<'a> Evaluator<'a> {
         Ok(measured.into_iter().map(|(_, e)| e).collect())
     }
 
-    /// Replicates of a picture of the lighting `x`, from their linear luminance.
+    /// Replicates of a picture of the lighting `x`, from their planes.
     fn replicates<'l>(&self, linear: &'l [Vec<f64>], x: &Lighting) -> Replicates<'l> {
-        Replicates { linear, luminance: self.luminance, exposure: x.exposure }
+        Replicates { linear, measure: self.measure, exposure: x.exposure }
     }
 
     /// Corrections of [`Self::residuals`] at the point `u`: residuals of all replicates by the second-order
@@ -337,7 +337,7 @@ impl<'a> Evaluator<'a> {
         }
         let halves = self.measure(u, smoothing, false, scratch)?.corrected;
         let x = self.lighting(&self.variables.decode(u));
-        let linear = linear(self.basis, &[&x]).remove(0);
+        let linear = linear(self.basis, &[&x], self.measure.n_planes()).remove(0);
         let all = self.replicates(&linear, &x).second_order(self.objective, smoothing.ramp);
         let [all, halves] = [all, halves].map(|z| self.objective.residuals(&z, smoothing).scalars);
         let pairs = all.iter().flatten().zip(halves.iter().flatten());
@@ -345,11 +345,22 @@ impl<'a> Evaluator<'a> {
     }
 }
 
-/// Linear luminance of some lightings, as `[lighting][replicate][pixel]`.
-fn linear(tables: &dyn Tables, lightings: &[&Lighting]) -> Vec<Vec<Vec<f64>>> {
+/// Carries an adjoint image back from the display to the planes of linear light: each plane is the image times
+/// the `slopes` by that plane, as `factor` has them.
+fn to_planes(adjoint: &mut Vec<f64>, slopes: &[f64], factor: impl Fn(f64) -> f64) {
+    let n = adjoint.len();
+    adjoint.resize(slopes.len(), 0.0);
+    // The first plane last, which takes the place of the image.
+    for (i, &slope) in slopes.iter().enumerate().rev() {
+        adjoint[i] = adjoint[i % n] * factor(slope);
+    }
+}
+
+/// Planes of some lightings, as `[lighting][replicate]`.
+fn linear(tables: &dyn Tables, lightings: &[&Lighting], planes: usize) -> Vec<Vec<Vec<f64>>> {
     let of: Vec<Recombination> = lightings.iter().map(|x| Recombination::new(tables.layout(), x)).collect();
     let of: Vec<&Recombination> = of.iter().collect();
-    let (n, n_replicates) = (tables.layout().n_pixels(), tables.n_replicates());
+    let (n, n_replicates) = (planes * tables.layout().n_pixels(), tables.n_replicates());
     let mut images = vec![vec![vec![0.0; n]; n_replicates]; lightings.len()];
     for i in 0..n_replicates {
         let mut out: Vec<&mut [f64]> = images.iter_mut().map(|of| of[i].as_mut_slice()).collect();

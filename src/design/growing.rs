@@ -27,7 +27,7 @@ use crate::{
     film::{Picture, RgbFilm, tiling::Tiling},
     integrator::{Observer, RenderError, TileSamples, Values, View, Work, aov::Features, seed_of_replicate},
     lighting::{Lighting, SampleCounts, SamplingPlan},
-    math::display::luminance,
+    math::{Measure, display::luminance},
 };
 
 /// Replicates of a picture: the jackknife's bias and error estimates need four.
@@ -293,10 +293,14 @@ impl Grown {
         self.of_replicates(k, |rgb| rgb)
     }
 
-    /// Linear luminance of each replicate of the k-th lighting, row by row.
+    /// Planes of each replicate of the k-th lighting, as [`Measure::planes`] but with the digits that a file
+    /// keeps.
     #[must_use]
-    pub fn luminances(&self, k: usize) -> [Vec<f32>; REPLICATES] {
-        self.of_replicates(k, |rgb| luminance(rgb) as f32)
+    pub fn planes(&self, k: usize, measure: Measure) -> [Vec<f32>; REPLICATES] {
+        if measure.n_planes() == 1 {
+            return self.of_replicates(k, |rgb| luminance(rgb) as f32);
+        }
+        self.replicates(k).map(|rgb| measure.planes(&rgb).into_iter().map(|v| v as f32).collect())
     }
 
     fn of_replicates<T: Send>(&self, k: usize, of: impl Fn([f32; 3]) -> T + Sync) -> [Vec<T>; REPLICATES] {
@@ -590,7 +594,6 @@ mod tests {
     use crate::{
         import,
         integrator::{Integrator, Samples},
-        math::display::LuminanceMode,
         sampler::SamplerKind,
         scene::Scene,
     };
@@ -601,7 +604,7 @@ mod tests {
 
     fn renderer() -> Renderer {
         let (integrator, sampler) = (Integrator::default(), SamplerKind::Sobol);
-        Renderer { integrator, sampler, luminance: LuminanceMode::Srgb }
+        Renderer { integrator, sampler, measure: Measure::default() }
     }
 
     /// Three lightings, of which two see the same value of the background.
@@ -809,7 +812,7 @@ mod tests {
             }
             let luminance = |rgb: &[f32; 3]| crate::math::display::luminance(*rgb) as f32;
             let wanted: Vec<f32> = replicates[3].iter().map(luminance).collect();
-            assert_eq!(grown.luminances(k)[3], wanted);
+            assert_eq!(grown.planes(k, Measure::default())[3], wanted);
         }
     }
 

@@ -244,13 +244,13 @@ fn record(basis: &WorkingBasis, best: &Polished, setup: Setup, task: &mut Task) 
             let lighting = setup.lighting(u);
             let picture = basis.picture(&lighting);
             let exposure = lighting.exposure;
-            let display = options.luminance.encode_image(&picture.rgb, exposure);
+            let display = options.measure.encode_image(&picture.rgb, exposure);
             let shown = objective.evaluate(&display);
             let attribute = attribute(setup, target, u, &shown, basis.samples());
             let mut line = lines[i].clone();
             // f_q of the picture, noise included: what `evaluate` finds in the file.
             line["f_q_picture"] = shown.f_q.into();
-            (line, picture::exr(&picture, setup.aovs, &names, exposure, options.luminance, attribute))
+            (line, picture::exr(&picture, setup.aovs, &names, exposure, options.measure, attribute))
         })
         .collect();
     dir.log_iterations(&iterations)?;

@@ -8,7 +8,7 @@ use super::{Gradient, setup::Setup};
 use crate::{
     embree,
     integrator::IntegratorKind,
-    math::{display::LuminanceMode, hash::hash_words},
+    math::{ViewTransform, display::LuminanceMode, hash::hash_words},
     objective::Target,
     sampler::SamplerKind,
     variables::{FreeKinds, ParamVector},
@@ -68,6 +68,7 @@ struct Options<'a> {
     max_depth: usize,
     sampler: SamplerKind,
     luminance: LuminanceMode,
+    view: ViewTransform,
     size: [u32; 2],
     work_size: [u32; 2],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -144,7 +145,8 @@ pub(super) fn text(
             integrator: options.integrator.kind,
             max_depth: options.integrator.max_depth,
             sampler: options.sampler,
-            luminance: options.luminance,
+            luminance: options.measure.luminance,
+            view: options.measure.view,
             size: options.size.to_array(),
             work_size: options.work_size.to_array(),
             spp: options.spp,

@@ -8,7 +8,10 @@
 
 use rayon::prelude::*;
 
-use crate::{film::tiling::Tiling, math::display::LuminanceMode};
+use crate::{
+    film::tiling::Tiling,
+    math::{Measure, measure::COLOUR_PLANES},
+};
 
 /// Error of a final picture at which no more samples are taken, if no other is asked for: about what 192 samples
 /// per pixel of a render of its own leave on the fruit basket in high-key at 320 × 240 pixels, .0077 against a
@@ -21,14 +24,14 @@ pub const SIXTEENTHS: usize = SIDE * SIDE;
 /// Factor on the error of the noisiest of them, where that of the whole picture has 1.
 pub const SIXTEENTH_WEIGHT: f64 = 0.5;
 
-/// How linear luminance is displayed, and in how wide a picture.
+/// How linear light is displayed, and in how wide a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Display {
     /// Width of the picture, pixels.
     pub width: usize,
-    /// How linear luminance becomes display luminance.
-    pub luminance: LuminanceMode,
-    /// Factor on linear luminance before it is encoded.
+    /// How linear light becomes display luminance.
+    pub measure: Measure,
+    /// Factor on linear light before it is encoded.
     pub exposure: f64,
 }
 
@@ -95,7 +98,7 @@ pub fn sixteenth([x, y]: [usize; 2], [width, height]: [usize; 2]) -> usize {
     y * SIDE / height * SIDE + x * SIDE / width
 }
 
-/// Error of the mean of independent replicates of a picture, each given by its linear luminance row by row.
+/// Error of the mean of independent replicates of a picture, each given by its [planes](Measure::planes).
 ///
 /// The squared error of a pixel is the jackknife's, in display luminance: the spread of what the means without
 /// one replicate display. A pixel that is white in all of them has none, and one that is white by a single
@@ -105,16 +108,20 @@ pub fn sixteenth([x, y]: [usize; 2], [width, height]: [usize; 2]) -> usize {
 /// With fewer than two replicates, or replicates of several sizes.
 #[must_use]
 pub fn estimate(replicates: &[Vec<f64>], display: Display) -> SquaredErrors {
-    let Display { width, luminance, exposure } = display;
+    let Display { width, measure, exposure } = display;
     let count = replicates.len();
     assert!(count >= 2, "the error of a mean needs two replicates, not {count}");
-    let n = replicates[0].len();
-    assert!(replicates.iter().all(|y| y.len() == n), "replicates of one size");
+    let n_linear = replicates[0].len();
+    assert!(replicates.iter().all(|y| y.len() == n_linear), "replicates of one size");
+    let n = n_linear / measure.n_planes();
     let of_pixels: Vec<f64> = (0..n)
         .into_par_iter()
         .map(|p| {
-            let sum: f64 = replicates.iter().map(|y| y[p]).sum();
-            let without = |y: &Vec<f64>| luminance.encode((sum - y[p]) / (count - 1) as f64, exposure);
+            let sums = planes(n_linear, n, p, |i| replicates.iter().map(|y| y[i]).sum());
+            let without = |y: &Vec<f64>| {
+                let others = planes(n_linear, n, p, |i| (sums[i / n] - y[i]) / (count - 1) as f64);
+                measure.encode_pixel(others, exposure).0
+            };
             let (mut mean, mut square) = (0.0, 0.0);
             for shown in replicates.iter().map(without) {
                 mean += shown / count as f64;
@@ -128,7 +135,7 @@ pub fn estimate(replicates: &[Vec<f64>], display: Display) -> SquaredErrors {
 }
 
 /// Error of a denoised picture, from two denoised pictures of independent samples of which it is the mean, and
-/// from two replicates of the samples of each; all are given by their linear luminance row by row.
+/// from two replicates of the samples of each; all are given by their [planes](Measure::planes).
 ///
 /// A denoised picture D is biased, which no spread among its like shows. But with B₀ and B₁ independent of it
 /// and of each other, and right in the mean, the mean of (D − B₀)(D − B₁) is the squared error of D, bias
@@ -142,33 +149,50 @@ pub fn estimate(replicates: &[Vec<f64>], display: Display) -> SquaredErrors {
 /// When the pictures differ in size.
 #[must_use]
 pub fn of_denoised(denoised: [&[f64]; 2], replicates: [[&[f64]; 2]; 2], display: Display) -> SquaredErrors {
-    let Display { width, luminance, exposure } = display;
+    let Display { width, measure, exposure } = display;
     let [a, b] = denoised;
-    let n = a.len();
-    assert!(replicates.as_flattened().iter().all(|y| y.len() == n) && b.len() == n, "pictures of one size");
+    let n_linear = a.len();
+    let fits = |picture: &[f64]| picture.len() == n_linear;
+    assert!(replicates.as_flattened().iter().all(|y| fits(y)) && fits(b), "pictures of one size");
+    let n = n_linear / measure.n_planes();
     let of_pixels: Vec<f64> = (0..n)
         .into_par_iter()
         .map(|p| {
-            let slope = |y: f64| luminance.encode_with_derivative(y, exposure).1;
-            let shown = |d: f64, y: &[f64]| (slope(d) * (d - y[p])).clamp(-1.0, 1.0);
-            let error = |d: f64, [y, z]: [&[f64]; 2]| shown(d, y) * shown(d, z);
-            let of_halves = 0.5 * (error(a[p], replicates[1]) + error(b[p], replicates[0]));
-            of_halves - 0.25 * (slope(0.5 * (a[p] + b[p])) * (a[p] - b[p])).powi(2)
+            let at = |picture: &[f64]| planes(n_linear, n, p, |i| picture[i]);
+            let (a, b) = (at(a), at(b));
+            // How much brighter the display is by a small change, at a colour.
+            let change = |at: [f64; COLOUR_PLANES], from: [f64; COLOUR_PLANES], to: [f64; COLOUR_PLANES]| {
+                let slopes = measure.encode_pixel(at, exposure).1;
+                (0..n_linear / n).map(|c| slopes[c] * (to[c] - from[c])).sum::<f64>()
+            };
+            let shown = |d, y: &[f64]| change(d, at(y), d).clamp(-1.0, 1.0);
+            let error = |d, [y, z]: [&[f64]; 2]| shown(d, y) * shown(d, z);
+            let of_halves = 0.5 * (error(a, replicates[1]) + error(b, replicates[0]));
+            let middle = std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
+            of_halves - 0.25 * change(middle, b, a).powi(2)
         })
         .collect();
     SquaredErrors { width, of_pixels }
 }
 
+/// Values of a pixel in the planes of a picture of `n` pixels, `n_linear` values in all: `of` their indices.
+fn planes(n_linear: usize, n: usize, pixel: usize, of: impl Fn(usize) -> f64) -> [f64; COLOUR_PLANES] {
+    std::array::from_fn(|c| if c * n < n_linear { of(c * n + pixel) } else { 0.0 })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{math::stats::Moments, objective::testing::Rng};
+    use crate::{
+        math::{display::LuminanceMode, stats::Moments},
+        objective::testing::Rng,
+    };
 
     const WIDTH: usize = 64;
     const HEIGHT: usize = 48;
 
     fn display(exposure: f64) -> Display {
-        Display { width: WIDTH, luminance: LuminanceMode::Srgb, exposure }
+        Display { width: WIDTH, measure: Measure::default(), exposure }
     }
 
     /// A picture with shades from nearly black to nearly white.
@@ -235,7 +259,7 @@ mod tests {
 
     #[test]
     fn pictures_of_few_pixels_have_an_error() {
-        let display = Display { width: 3, luminance: LuminanceMode::Linear, exposure: 1.0 };
+        let display = Display { width: 3, measure: LuminanceMode::Linear.into(), exposure: 1.0 };
         let noise = estimate(&[vec![0.4; 3], vec![0.6; 3]], display).noise();
         assert!((noise.whole - 0.1).abs() < 1e-12 && (noise.worst - 0.1).abs() < 1e-12, "{noise:?}");
     }
@@ -243,7 +267,7 @@ mod tests {
     #[test]
     fn one_bright_sample_is_an_error_where_the_mean_is_white() {
         let replicates = [vec![0.2], vec![0.2], vec![0.2], vec![100.0]];
-        let display = Display { width: 1, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+        let display = Display { width: 1, measure: Measure::default(), exposure: 1.0 };
         assert!(estimate(&replicates, display).noise().whole > 0.3);
     }
 

@@ -15,7 +15,7 @@ use crate::{
     film::{exr::ExrError, image_file::ImageFileError},
     integrator::{Integrator, RenderError},
     lighting::Lighting,
-    math::display::LuminanceMode,
+    math::Measure,
     objective::{JackknifeEstimate, ObjectiveError, Target},
     optim::{OptimError, StopReason},
     sampler::SamplerKind,
@@ -81,7 +81,7 @@ pub struct RunOptions {
     /// Family of sample sequences.
     pub sampler: SamplerKind,
     /// Measure of luminance.
-    pub luminance: LuminanceMode,
+    pub measure: Measure,
     /// Size of the final picture, pixels.
     pub size: UVec2,
     /// Size at which the lights are optimised, pixels.

@@ -17,14 +17,13 @@ use crate::{
     denoise::Layer,
     film::{
         exr::{write_exr, write_exr_plain},
-        image_file::{LinearImage, write_png},
+        image_file::{LinearImage, write_view_png},
     },
     integrator::{
         Pilot, RenderError, View,
         aov::{self, Aovs, Features},
     },
     lighting::{Lighting, SamplingPlan},
-    math::{self, display::LuminanceMode},
     objective::{Evaluation, LABELLINGS, Objective, Replicates, Target},
 };
 
@@ -41,10 +40,11 @@ pub(super) fn write_found(
     setup: Setup,
 ) -> Result<(), RunError> {
     let lighting = setup.lighting(u);
-    let file = LightsFile::new(setup.scene, &lighting);
+    let file = LightsFile::new(setup.scene, &lighting).seen_through(setup.options.measure.view);
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {
-        write_png(&task.job.out.join("found.png"), shown, lighting.exposure)?;
+        let view = setup.options.measure.view;
+        write_view_png(&task.job.out.join("found.png"), shown, lighting.exposure, view)?;
     }
     Ok(())
 }
@@ -81,16 +81,14 @@ impl Shot<'_, '_> {
     ) -> (SquaredErrors, Layer) {
         let width = setup.options.size.x as usize;
         // A display shows it so, whatever f_q measures.
-        let luminance = LuminanceMode::Srgb;
-        let display = Display { width, luminance, exposure: self.lighting.exposure };
-        let [a, b, c, d] = grown.luminances(k).map(widened);
+        let measure = setup.options.measure.as_shown();
+        let display = Display { width, measure, exposure: self.lighting.exposure };
+        let [a, b, c, d] = grown.planes(k, measure).map(widened);
         let Some(features) = features else {
             return (noise::estimate(&[a, b, c, d], display), grown.beauty(k));
         };
         let halves = grown.denoised_halves(k, features);
-        let linear =
-            halves.each_ref().map(|half| half.iter().map(|&v| math::display::luminance(v)).collect());
-        let [x, y]: [Vec<f64>; 2] = linear;
+        let [x, y] = halves.each_ref().map(|half| measure.planes(half));
         let errors = noise::of_denoised([&x, &y], [[&a, &b], [&c, &d]], display);
         let mean = |(x, y): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| 0.5 * (x[c] + y[c]));
         (errors, halves[0].iter().zip(&halves[1]).map(mean).collect())
@@ -101,7 +99,8 @@ impl Shot<'_, '_> {
         let image = LinearImage { width, height, rgb: rgb.to_vec() };
         let path = |out: &Path| out.join(self.name).with_extension("png");
         let mut each = self.tasks.iter();
-        each.try_for_each(|(_, task)| write_png(&path(&task.job.out), &image, self.lighting.exposure))?;
+        let (exposure, view) = (self.lighting.exposure, setup.options.measure.view);
+        each.try_for_each(|(_, task)| write_view_png(&path(&task.job.out), &image, exposure, view))?;
         Ok(())
     }
 }
@@ -335,12 +334,12 @@ fn write(
 ) -> Result<Vec<FinalPicture>, RunError> {
     let (options, exposure) = (setup.options, shot.lighting.exposure);
     let rendered = grown.picture(k);
-    let display = options.luminance.encode_image(&rendered.rgb, exposure);
+    let display = options.measure.encode_image(&rendered.rgb, exposure);
     // As the EXR has them.
-    let luminances = grown.luminances(k);
-    let linear = luminances.clone().map(widened);
+    let planes = grown.planes(k, options.measure);
+    let linear = planes.clone().map(widened);
     let denoised = features.map(|features| grown.denoised(k, features));
-    let replicates = Replicates { linear: &linear, luminance: options.luminance, exposure };
+    let replicates = Replicates { linear: &linear, measure: options.measure, exposure };
     shot.write_png(&denoised.as_ref().unwrap_or(&rendered).rgb, setup)?;
     let (names, is_incomplete) = (setup.scene.light_names(), !grown.is_complete());
     let each = shot.tasks.iter().zip(objectives).map(|((_, task), objective)| {
@@ -354,8 +353,8 @@ fn write(
         if is_incomplete {
             attribute["incomplete"] = true.into();
         }
-        let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.luminance, attribute);
-        exr.parts.push(picture::replicates(luminances.clone()));
+        let mut exr = picture::exr(&rendered, aovs, &names, exposure, options.measure, attribute);
+        exr.parts.push(picture::replicates(planes.clone(), options.measure));
         exr.parts.extend(denoised.iter().flat_map(|denoised| picture::denoised(denoised, &names)));
         let write = if is_incomplete { write_exr_plain } else { write_exr };
         write(&task.job.out.join(shot.name).with_extension("exr"), &exr)?;
@@ -380,7 +379,8 @@ pub(super) fn attribute(
         "f_q": evaluation.f_q,
         "terms": evaluation.terms_json(),
         "exposure": setup.fitted.lighting.exposure,
-        "luminance": options.luminance,
+        "luminance": options.measure.luminance,
+        "view": options.measure.view,
         "target": target,
         "integrator": options.integrator.kind,
         "spp": spp,

@@ -95,7 +95,7 @@ impl Stage<'_> {
         let key = picture_key(self, lighting, plan, self.camera, budget);
         let kept = self.products.load(key, RENDER);
         if let Some(kept) =
-            kept.and_then(|bytes| MeasuredPicture::read(&bytes, lighting.exposure, renderer.luminance))
+            kept.and_then(|bytes| MeasuredPicture::read(&bytes, lighting.exposure, renderer.measure))
         {
             return Ok(kept);
         }

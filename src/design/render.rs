@@ -10,7 +10,7 @@ use crate::{
     film::{Picture, RgbFilm, image_file::LinearImage},
     integrator::{Integrator, Observer, RenderError, Samples, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
-    math::display::{LuminanceMode, luminance},
+    math::Measure,
     objective::{
         Evaluation, JackknifeEstimate, LABELLINGS, Objective, ObjectiveError, Replicates, Smoothing,
     },
@@ -25,7 +25,7 @@ pub struct Renderer {
     /// Family of sample sequences.
     pub sampler: SamplerKind,
     /// Measure of luminance.
-    pub luminance: LuminanceMode,
+    pub measure: Measure,
 }
 
 /// Samples of a picture.
@@ -49,7 +49,7 @@ pub struct MeasuredPicture {
     /// Factor on luminance before display encoding.
     exposure: f64,
     /// Measure of luminance.
-    luminance: LuminanceMode,
+    measure: Measure,
 }
 
 /// f_q of a picture, with and without its noise bias.
@@ -97,7 +97,7 @@ impl Renderer {
             picture,
             replicates: pictures.into_iter().map(|p| p.rgb).collect(),
             exposure: lighting.exposure,
-            luminance: self.luminance,
+            measure: self.measure,
         })
     }
 }
@@ -205,7 +205,7 @@ impl MeasuredPicture {
 
     /// Reads what [`Self::write`] has written, of a lighting's exposure; `None` where it is too short.
     #[must_use]
-    pub fn read(bytes: &[u8], exposure: f64, luminance: LuminanceMode) -> Option<Self> {
+    pub fn read(bytes: &[u8], exposure: f64, measure: Measure) -> Option<Self> {
         let (numbers, mut rest) = bytes.split_at_checked(32)?;
         let numbers = numbers.as_chunks().0.iter().map(|b| usize::try_from(u64::from_le_bytes(*b)).ok());
         let numbers: Option<Vec<usize>> = numbers.collect();
@@ -222,7 +222,7 @@ impl MeasuredPicture {
         let rgb = image()?;
         let lights = (0..n_lights).map(|_| image()).collect::<Option<_>>()?;
         let replicates = (0..n_replicates).map(|_| image()).collect::<Option<_>>()?;
-        Some(Self { picture: Picture { width, height, rgb, lights }, replicates, exposure, luminance })
+        Some(Self { picture: Picture { width, height, rgb, lights }, replicates, exposure, measure })
     }
 
     /// The mean picture for people to look at, denoised where there are features to do it by and replicates
@@ -242,7 +242,7 @@ impl MeasuredPicture {
     /// Display luminance of the mean picture.
     #[must_use]
     pub fn display(&self) -> Vec<f64> {
-        self.luminance.encode_image(&self.picture.rgb, self.exposure)
+        self.measure.encode_image(&self.picture.rgb, self.exposure)
     }
 
     /// Smoothed f_q of the mean picture.
@@ -256,10 +256,9 @@ impl MeasuredPicture {
     /// # Errors
     /// With fewer than two replicates.
     pub fn measure(&self, objective: &Objective) -> Result<Measurement, ObjectiveError> {
-        let linear = |rgb: &Vec<[f32; 3]>| rgb.iter().map(|&c| luminance(c)).collect();
-        let linear: Vec<Vec<f64>> = self.replicates.iter().map(linear).collect();
-        let Self { luminance, exposure, .. } = *self;
-        let estimate = Replicates { linear: &linear, luminance, exposure }.measure(objective, LABELLINGS)?;
+        let Self { measure, exposure, .. } = *self;
+        let linear: Vec<Vec<f64>> = self.replicates.iter().map(|rgb| measure.planes(rgb)).collect();
+        let estimate = Replicates { linear: &linear, measure, exposure }.measure(objective, LABELLINGS)?;
         Ok(Measurement { plain: objective.evaluate(&self.display()), estimate })
     }
 }

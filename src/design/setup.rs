@@ -60,8 +60,8 @@ impl<'a> Stage<'a> {
 
     /// Renderer with the run's integrator, sampler and measure of luminance.
     pub fn renderer(&self) -> Renderer {
-        let RunOptions { integrator, sampler, luminance, .. } = *self.options;
-        Renderer { integrator, sampler, luminance }
+        let RunOptions { integrator, sampler, measure, .. } = *self.options;
+        Renderer { integrator, sampler, measure }
     }
 
     /// Sampling plan of a working picture of `lighting`: all lights with the same probability, and all

@@ -230,7 +230,8 @@ impl BasisPlan {
             None => ValueNodes::new(self.fixed.value, 1),
             Some(v) => ValueNodes::new(f64::from(v), stage.options.integrator.max_depth),
         };
-        Layout::new(stage.options.work_size, bins.collect(), nodes)
+        let layout = Layout::new(stage.options.work_size, bins.collect(), nodes);
+        layout.with_planes(stage.options.measure.n_planes())
     }
 
     /// Sampling plan for all sizes and values of the background, with most samples near `foci` if given.
@@ -355,7 +356,7 @@ impl WorkingBasis {
         let traced = setup.features.is_none().then(|| Features::trace(setup.view()));
         let about = About {
             features: setup.features.or(traced.as_ref()).map(StoredFeatures::new),
-            ..About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.luminance)
+            ..About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.measure)
         };
         let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
         if let Some(path) = &setup.options.basis_file
@@ -566,7 +567,7 @@ impl WorkingBasis {
             objective,
             variables: setup.variables,
             fixed: &self.plan.fixed,
-            luminance: setup.options.luminance,
+            measure: setup.options.measure,
             least_sizes: &self.least_sizes,
         }
     }

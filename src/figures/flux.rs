@@ -16,7 +16,7 @@ use crate::{
     integrator::{Integrator, Observer, RenderError, View, aov},
     light::{Light, Outline, SizeDensity},
     lighting::{Lighting, SamplingPlan},
-    math::display::{LuminanceMode, luminance},
+    math::{Measure, display::luminance},
     sampler::SamplerKind,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
@@ -196,7 +196,7 @@ pub fn grid(
 /// are 0.
 fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
     let is_lit = y.iter().sum::<f64>() > 0.0;
-    is_lit.then(|| gain_for(y, |_| 1.0, WELL_LIT, exposure, LuminanceMode::Srgb))
+    is_lit.then(|| gain_for(y, |_| 1.0, WELL_LIT, exposure, Measure::default()))
 }
 
 #[cfg(test)]
@@ -207,7 +207,9 @@ mod tests {
     fn the_well_lit_gain_brings_the_mean_there() {
         let y = [0.2, 0.4, 0.1];
         let gain = well_lit(&y, 2.0).unwrap();
-        let mean = y.iter().map(|y| LuminanceMode::Srgb.encode(gain * y, 2.0)).sum::<f64>() / 3.0;
+        let mean =
+            y.iter().map(|y| crate::math::display::LuminanceMode::Srgb.encode(gain * y, 2.0)).sum::<f64>()
+                / 3.0;
         assert!((mean - WELL_LIT).abs() < 1e-6);
         assert_eq!(well_lit(&[0.0], 1.0), None);
     }

@@ -10,7 +10,7 @@ use super::exr::{ExrError, ExrImage, ExrPart, write_exr};
 use crate::files::atomic::{AtomicWriteError, write_atomically};
 use crate::files::number::Number;
 use crate::lighting::MAX_RADIANCE;
-use crate::math::display::{LUMINANCE_WEIGHTS, oetf_srgb};
+use crate::math::{ViewTransform, display::LUMINANCE_WEIGHTS};
 use crate::picture::{Picture, PictureError, Purpose, Reading};
 
 /// A picture in linear Rec.709 RGB.
@@ -173,12 +173,23 @@ pub fn read_mask(path: &Path) -> Result<MaskImage, PictureError> {
 /// # Errors
 /// When the size is wrong or the destination impossible.
 pub fn write_png(path: &Path, picture: &LinearImage, exposure: f64) -> Result<(), ImageFileError> {
+    write_view_png(path, picture, exposure, ViewTransform::Srgb)
+}
+
+/// Writes linear RGB as 8-bit PNG, as a view shows it: `round(255 · code)` of [`ViewTransform::encode`].
+///
+/// # Errors
+/// When the size is wrong or the destination impossible.
+pub fn write_view_png(
+    path: &Path,
+    picture: &LinearImage,
+    exposure: f64,
+    view: ViewTransform,
+) -> Result<(), ImageFileError> {
     check_size(path, picture.width, picture.height, picture.rgb.len())?;
-    let encode = |v: f32| {
-        let l = oetf_srgb((exposure * f64::from(v)).clamp(0.0, 1.0));
-        (l * 255.0).round() as u8 // NaN becomes 0
-    };
-    let bytes: Vec<u8> = picture.rgb.iter().flatten().map(|&v| encode(v)).collect();
+    // NaN becomes 0.
+    let encode = |&v: &[f32; 3]| view.encode(v, exposure).map(|code| (code * 255.0).round() as u8);
+    let bytes: Vec<u8> = picture.rgb.iter().flat_map(encode).collect();
     encode_png(path, picture.width, picture.height, &bytes, ExtendedColorType::Rgb8)
 }
 
@@ -238,7 +249,7 @@ fn encode_png(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::display::eotf_srgb;
+    use crate::math::display::{eotf_srgb, oetf_srgb};
     use crate::picture::Fault;
     use image::{ImageBuffer, Luma, Rgb, Rgba};
 

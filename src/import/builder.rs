@@ -27,6 +27,7 @@ use crate::{
         reach::{MAX_TEXT_BYTES, Reach, ReachError},
     },
     lighting,
+    math::ViewTransform,
     scene::Scene,
     variables::Constraints,
 };
@@ -56,6 +57,10 @@ pub struct Loaded {
     pub constraints: Constraints,
     /// What was left out, replaced or guessed while loading, one line each.
     pub warnings: Vec<String>,
+    /// View through which the sidecar says that pictures are seen.
+    pub view: Option<ViewTransform>,
+    /// Whether Blender's exporter wrote the scene file.
+    pub is_of_blender: bool,
     /// Text of the sidecar that was staged for a scene without one.
     pub staging: Option<String>,
 }
@@ -225,7 +230,7 @@ impl Source<'_> {
             self.add_backdrop(spec, &mut imported)?;
             is_main.resize(imported.mesh.indices.len(), false);
         }
-        let Imported { mesh, materials, lights, mut warnings, .. } = imported;
+        let Imported { mesh, materials, lights, mut warnings, is_of_blender, .. } = imported;
         let materials = self.materials(sidecar, materials)?;
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {
@@ -245,7 +250,7 @@ impl Source<'_> {
         scene.origin = self.origin;
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
-        Ok(Loaded { scene, constraints, warnings, staging: None })
+        Ok(Loaded { scene, constraints, warnings, view: sidecar.view, is_of_blender, staging: None })
     }
 
     fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {

@@ -36,6 +36,8 @@ pub struct Imported {
     pub camera: Option<ImportedCamera>,
     /// Punctual lights with unique names; empty in a format without lights.
     pub lights: Vec<ImportedLight>,
+    /// Whether Blender's exporter wrote the file.
+    pub is_of_blender: bool,
 }
 
 /// Object and groups that a triangle belongs to.

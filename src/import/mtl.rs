@@ -231,8 +231,8 @@ impl Empty {
     }
 }
 
-/// The program that wrote the file, by its first line.
-fn origin(text: &str) -> Origin {
+/// The program that wrote the file, by its first line; that of an OBJ, too.
+pub fn origin(text: &str) -> Origin {
     let first = physical_lines(text).next().unwrap_or_default();
     match first.trim().strip_prefix("# Blender ") {
         None => Origin::Other,

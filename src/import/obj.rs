@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::{
     error::ImportError,
     imported::{Imported, Part},
-    mtl::{self, MtlMaterial},
+    mtl::{self, MtlMaterial, Origin},
     mtl_params::{self, grey},
     origin::Spread,
     sheets,
@@ -52,7 +52,9 @@ pub fn load(path: &Path, crease: f32) -> Result<Imported, ImportError> {
 /// Every error of [`load`]; also when the OBJ or an MTL names a file out of reach.
 pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, ImportError> {
     let bytes = reach.read(path, MAX_SCENE_BYTES).map_err(ImportError::reading)?;
-    let plain = wavefront::normalize(&decode(&bytes)).map_err(|e| ImportError::at(path, e))?;
+    let text = decode(&bytes);
+    let is_of_blender = mtl::origin(&text) != Origin::Other;
+    let plain = wavefront::normalize(&text).map_err(|e| ImportError::at(path, e))?;
     let mut warnings = Warnings::default();
     report(path, &plain, &mut warnings);
     let (library, ids) = material_library(path, &plain, reach, &mut warnings)?;
@@ -103,7 +105,15 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
         }
     }
     let warnings = warnings.into_lines();
-    Ok(Imported { mesh, origin, parts: plain.parts, materials, warnings, ..Imported::default() })
+    Ok(Imported {
+        mesh,
+        origin,
+        parts: plain.parts,
+        materials,
+        warnings,
+        is_of_blender,
+        ..Imported::default()
+    })
 }
 
 /// Warns of what the text of an OBJ has that is left out.

@@ -11,7 +11,7 @@ use serde::{
 };
 
 use super::{axes::UpAxis, error::ImportError};
-use crate::{files::toml_file, scene::material::Model, variables::FreeKinds};
+use crate::{files::toml_file, math::ViewTransform, scene::material::Model, variables::FreeKinds};
 
 /// Version of the sidecar format.
 pub const SCHEMA: u32 = 1;
@@ -31,6 +31,8 @@ pub struct Sidecar {
     /// Factor on luminance before display encoding.
     #[serde(default = "one")]
     pub exposure: f64,
+    /// View through which pictures are seen; `srgb` by default.
+    pub view: Option<ViewTransform>,
     /// Kinds of variables that may be free; all by default.
     #[serde(default)]
     pub free: FreeKinds,

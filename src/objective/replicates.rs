@@ -12,10 +12,8 @@
 //! tails: with the narrower interval for the degrees of freedom of all labellings, the bar covered
 //! 89 % of 200 renders, where 95 % are meant.
 
-use super::{
-    JackknifeEstimate, LuminanceMode, Objective, ObjectiveError, Ramp, Smoothing, Statistics, jackknife,
-};
-use crate::math::hash::hash_words;
+use super::{JackknifeEstimate, Objective, ObjectiveError, Ramp, Smoothing, Statistics, jackknife};
+use crate::math::{Measure, hash::hash_words};
 
 /// Labellings from which the error of a reported f_q is estimated. Of 400 estimates from four
 /// replicates, the standard error scattered by 40 % with one labelling, 28 % with two, 20 % with four
@@ -25,11 +23,11 @@ pub const LABELLINGS: usize = 4;
 /// Independent replicates of a picture: renders of one scene that differ by their noise alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Replicates<'a> {
-    /// Linear luminance of each replicate, row-major, in units of display white at exposure 1.
+    /// [Planes](Measure::planes) of each replicate, row-major, in units of display white at exposure 1.
     pub linear: &'a [Vec<f64>],
-    /// How linear luminance becomes display luminance.
-    pub luminance: LuminanceMode,
-    /// Factor on linear luminance before it is encoded for the display.
+    /// How linear light becomes display luminance.
+    pub measure: Measure,
+    /// Factor on linear light before it is encoded for the display.
     pub exposure: f64,
 }
 
@@ -52,19 +50,20 @@ impl Replicates<'_> {
             return Err(ObjectiveError::TooFewReplicates { replicates });
         }
         let n = objective.n_pixels();
-        let mut mean = vec![0.0; n];
+        let n_linear = n * self.measure.n_planes();
+        let mut mean = vec![0.0; n_linear];
         for y in self.linear {
             mean.iter_mut().zip(y).for_each(|(m, y)| *m += y / replicates as f64);
         }
-        let mut slopes = vec![0.0; n];
+        let mut slopes = vec![0.0; n_linear];
         let mut display = |y: &[f64]| {
             let mut display = vec![0.0; n];
-            self.luminance.encode_all(y, self.exposure, &mut display, &mut slopes);
+            self.measure.encode_all(y, self.exposure, &mut display, &mut slopes);
             display
         };
         let full = objective.statistics(&display(&mean), Ramp::Linear);
         let (all, rest) = (replicates as f64, 1.0 / (replicates as f64 - 1.0));
-        let mut left = vec![0.0; n];
+        let mut left = vec![0.0; n_linear];
         let one_out = self.linear.iter().map(|left_out| {
             for ((left, m), y) in left.iter_mut().zip(&mean).zip(left_out) {
                 *left = (all * m - y) * rest;
@@ -73,6 +72,7 @@ impl Replicates<'_> {
         });
         let one_out: Vec<Vec<f64>> = one_out.collect();
         let first = one_out.iter().map(|display| objective.statistics(display, Ramp::Linear)).collect();
+        left.truncate(n);
         let relabelled = (1..labellings).map(|labelling| {
             let shifts: Vec<usize> = (0..n).map(|p| shift(labelling, p, replicates)).collect();
             (0..replicates)
@@ -97,14 +97,15 @@ impl Replicates<'_> {
     #[must_use]
     pub fn second_order(&self, objective: &Objective, ramp: Ramp) -> Statistics {
         let (count, n) = (self.linear.len(), objective.n_pixels());
-        let (mut mean, mut display, mut slopes) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        let n_linear = n * self.measure.n_planes();
+        let (mut mean, mut display, mut slopes) = (vec![0.0; n_linear], vec![0.0; n], vec![0.0; n_linear]);
         let mut without = |left_out: &[usize]| {
             let share = 1.0 / (count - left_out.len()) as f64;
             mean.fill(0.0);
             for y in (0..count).filter(|r| !left_out.contains(r)).map(|r| &self.linear[r]) {
                 mean.iter_mut().zip(y).for_each(|(m, y)| *m += share * y);
             }
-            self.luminance.encode_all(&mean, self.exposure, &mut display, &mut slopes);
+            self.measure.encode_all(&mean, self.exposure, &mut display, &mut slopes);
             objective.statistics(&display, ramp)
         };
         let one_out: Vec<Statistics> = (0..count).map(|r| without(&[r])).collect();
@@ -124,7 +125,7 @@ mod tests {
     use super::super::testing::{Rng, disk_mask};
     use super::*;
     use crate::math::stats::Moments;
-    use crate::objective::{Target, Term};
+    use crate::objective::{LuminanceMode, Target, Term};
 
     const W: usize = 32;
     const H: usize = 24;
@@ -142,7 +143,7 @@ mod tests {
     }
 
     fn measure(linear: &[Vec<f64>], labellings: usize) -> JackknifeEstimate {
-        let replicates = Replicates { linear, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+        let replicates = Replicates { linear, measure: Measure::default(), exposure: 1.0 };
         replicates.measure(&objective(), labellings).unwrap()
     }
 
@@ -210,7 +211,7 @@ mod tests {
         let mut errors: Vec<_> = objective.scalars().map(|term| (term, [Moments::default(); 2])).collect();
         for _ in 0..1000 {
             let linear = noisy(&mut rng, 4, 0.5);
-            let replicates = Replicates { linear: &linear, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+            let replicates = Replicates { linear: &linear, measure: Measure::default(), exposure: 1.0 };
             let first = measure(&linear, 1).evaluation;
             let second = replicates.second_order(&objective, Ramp::Linear).values();
             for (term, [of_first, of_second]) in &mut errors {
@@ -237,7 +238,7 @@ mod tests {
         let linear = vec![noisy(&mut Rng::new(1), 1, 0.2).remove(0); 3];
         let e = measure(&linear, LABELLINGS);
         assert!(e.half_width < 1e-10 && e.correction.abs() < 1e-10);
-        let one = Replicates { linear: &linear[..1], luminance: LuminanceMode::Srgb, exposure: 1.0 };
+        let one = Replicates { linear: &linear[..1], measure: Measure::default(), exposure: 1.0 };
         assert_eq!(one.measure(&objective(), 2), Err(ObjectiveError::TooFewReplicates { replicates: 1 }));
     }
 }

@@ -40,10 +40,11 @@ pub(super) fn read_exr(source: Box<dyn Source + '_>, reading: &Reading) -> Resul
             && let Some((part, channels)) = file.replicates()
             && file.parts()[part].display.size == file.parts()[0].display.size
         {
-            let n = channels.len();
-            let samples = file.read(part, &channels, LIGHT + reading.kept + n * MEASURED)?;
-            let of = |r: usize| samples.iter().skip(r).step_by(n).copied().collect();
-            picture.replicates = (0..n).map(of).collect();
+            let (channels, n) = (channels.concat(), channels[0].len());
+            let all = channels.len();
+            let samples = file.read(part, &channels, LIGHT + reading.kept + all * MEASURED)?;
+            let planes = |r: usize| (r * n..(r + 1) * n).flat_map(|c| samples.iter().skip(c).step_by(all));
+            picture.replicates = (0..all / n).map(|r| planes(r).copied().collect()).collect();
         }
     }
     let is_choice = reading.layer.is_none() && file.attribute().is_none() && file.layers().len() > 1;

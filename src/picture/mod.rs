@@ -20,7 +20,7 @@ mod jpeg;
 mod light;
 mod note;
 mod png;
-mod primaries;
+
 mod radiance;
 mod raster;
 mod samples;
@@ -39,7 +39,7 @@ pub use format::Format;
 pub use note::Note;
 pub use samples::Samples;
 
-use crate::math::display::luminance;
+use crate::math::{display::luminance, primaries};
 
 /// What a picture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,8 +124,9 @@ pub struct Picture {
     /// The channel `mask` of an EXR that has one, where [`Reading::own_mask`] asks for it; row by
     /// row, 1 on the object.
     pub mask: Option<Vec<f32>>,
-    /// Linear luminance of the replicates of an EXR of this program, where [`Reading::own_replicates`] asks
-    /// for them; row by row, and empty where there are none.
+    /// Planes of the replicates of an EXR of this program, where [`Reading::own_replicates`] asks for them:
+    /// linear luminance and, where the file has it, colour, see [`Measure::planes`](crate::math::Measure::planes).
+    /// Empty where there are none.
     pub replicates: Vec<Vec<f32>>,
     /// Linear light by sample; empty for floating point.
     table: Vec<f64>,

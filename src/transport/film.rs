@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// A film that sums contributions into the tables of a basis: luminance for each replicate, colour for
-/// all of them.
+/// all of them or for each.
 ///
 /// A row of pixels is summed in memory of its own, small enough for the caches, and goes to
 /// the tables when its samples are done. A pixel's own contributions are added in sample
@@ -29,8 +29,8 @@ pub struct BasisFilm<'a, const N: usize> {
     layout: &'a Layout,
     /// Tables of luminance, one for each replicate.
     luminance: &'a mut [Vec<f32>],
-    /// Table of colour; empty if colour is not kept.
-    colour: &'a mut [f32],
+    /// Tables of colour: none if colour is not kept, one of all replicates, or one for each.
+    colour: &'a mut [Vec<f32>],
     /// Whether the tables hold nothing yet and are written without being read.
     is_first: bool,
     /// Weight with which a sample counts.
@@ -98,7 +98,7 @@ struct Sums {
     n_nodes: usize,
     /// Sums of luminance of the present replicate, as `[pixel][cell][node]`.
     luminance: Vec<f32>,
-    /// Sums of colour of all replicates, as `[pixel][cell][red or blue][node]`.
+    /// Sums of colour, of all replicates so far or of the present one, as `[pixel][cell][red or blue][node]`.
     colour: Vec<f32>,
 }
 
@@ -107,8 +107,8 @@ struct Sums {
 struct RowTables<'a> {
     /// Parts of the tables of luminance, by replicate.
     luminance: Vec<&'a mut [f32]>,
-    /// Part of the table of colour; empty if colour is not kept.
-    colour: &'a mut [f32],
+    /// Parts of the tables of colour.
+    colour: Vec<&'a mut [f32]>,
 }
 
 impl Sums {
@@ -144,15 +144,25 @@ impl Sums {
 fn row_tables<'a>(
     layout: &Layout,
     luminance: &'a mut [Vec<f32>],
-    colour: &'a mut [f32],
+    colour: &'a mut [Vec<f32>],
 ) -> impl Iterator<Item = RowTables<'a>> {
     let width = layout.size.x as usize * layout.n_rows();
     let mut luminance: Vec<_> = luminance.iter_mut().map(|table| table.chunks_mut(width)).collect();
-    let mut colour = colour.chunks_mut(COLOURS * width);
+    let mut colour: Vec<_> = colour.iter_mut().map(|table| table.chunks_mut(COLOURS * width)).collect();
     (0..layout.size.y).map(move |_| RowTables {
         luminance: luminance.iter_mut().filter_map(Iterator::next).collect(),
-        colour: colour.next().unwrap_or_default(),
+        colour: colour.iter_mut().filter_map(Iterator::next).collect(),
     })
+}
+
+/// The table that the sums of colour go to when a replicate of several is done: its own, or after the last
+/// that of all.
+fn colour_of<'t>(tables: &'t mut [&mut [f32]], replicate: usize, n: usize) -> Option<&'t mut [f32]> {
+    match tables {
+        [] => None,
+        [of_all] => (replicate + 1 == n).then_some(&mut **of_all),
+        of_each => Some(&mut *of_each[replicate]),
+    }
 }
 
 /// Moves sums `[pixel][cell][node][channel]` of a row of pixels to its part of a table,
@@ -177,8 +187,8 @@ fn flush(layout: &Layout, sums: &mut [f32], table: &mut [f32], is_first: bool) {
 }
 
 impl<'a, const N: usize> BasisFilm<'a, N> {
-    /// A film that fills the tables `luminance`, one for each replicate, and `colour` unless that is
-    /// empty. With `is_first` it overwrites what they hold. A sample counts `weight` times.
+    /// A film that fills the tables `luminance`, one for each replicate, and those of `colour`: none, one of
+    /// all replicates, or one for each. With `is_first` it overwrites what they hold. A sample counts `weight` times.
     ///
     /// # Panics
     /// When the layout has another number of value nodes.
@@ -186,7 +196,7 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
     pub fn new(
         layout: &'a Layout,
         luminance: &'a mut [Vec<f32>],
-        colour: &'a mut [f32],
+        colour: &'a mut [Vec<f32>],
         is_first: bool,
         weight: u32,
     ) -> Self {
@@ -221,9 +231,9 @@ impl<'a, const N: usize> BasisFilm<'a, N> {
                         }
                     }
                     flush(layout, &mut sums.luminance, table, false);
-                }
-                if with_colour {
-                    flush(layout, &mut sums.colour, tables.colour, false);
+                    if let Some(table) = colour_of(&mut tables.colour, r, n_replicates) {
+                        flush(layout, &mut sums.colour, table, false);
+                    }
                 }
             },
         );
@@ -308,15 +318,16 @@ impl<const N: usize> RowRecorder<N> for BasisRow<'_, N> {
     }
 
     fn end_replicate(&mut self) {
+        let n_replicates = self.tables.luminance.len();
         let table = &mut *self.tables.luminance[self.replicate];
         flush(self.layout, &mut self.sums.luminance, table, self.is_first);
+        if let Some(table) = colour_of(&mut self.tables.colour, self.replicate, n_replicates) {
+            flush(self.layout, &mut self.sums.colour, table, self.is_first);
+        }
         self.replicate += 1;
     }
 
     fn close(&mut self) {
-        if !self.sums.colour.is_empty() {
-            flush(self.layout, &mut self.sums.colour, self.tables.colour, self.is_first);
-        }
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(std::mem::take(&mut self.sums));
         }

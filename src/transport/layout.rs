@@ -4,7 +4,7 @@ use glam::UVec2;
 
 use super::{Knots, ValueNodes};
 
-/// Channels of the table of colour: red and blue, since green follows from the luminance.
+/// Channels of a table of colour: red and blue, since green follows from the luminance.
 pub(super) const COLOURS: usize = 2;
 
 /// Cells of a light in the tables.
@@ -35,6 +35,9 @@ pub struct Layout {
     pub lights: Vec<LightCells>,
     /// Nodes of the background's value.
     pub nodes: ValueNodes,
+    /// Planes of the pictures of a replicate: 1, luminance; or 3, luminance, red and blue, for views that need
+    /// colour.
+    pub planes: usize,
 }
 
 /// Sizes of a light that a basis holds.
@@ -65,7 +68,23 @@ impl Layout {
                 light
             })
             .collect();
-        Self { size, lights, nodes }
+        Self { size, lights, nodes, planes: 1 }
+    }
+
+    /// The same layout with pictures of so many planes.
+    ///
+    /// # Panics
+    /// When they are neither 1 nor 3.
+    #[must_use]
+    pub fn with_planes(self, planes: usize) -> Self {
+        assert!(planes == 1 || planes == 1 + COLOURS, "luminance, or luminance with red and blue");
+        Self { planes, ..self }
+    }
+
+    /// Number of the tables of colour of a basis: one of all replicates, or one of each.
+    #[must_use]
+    pub fn n_colour_tables(&self, replicates: usize) -> usize {
+        if self.planes == 1 { 1 } else { replicates }
     }
 
     /// Number of pixels.
@@ -87,10 +106,10 @@ impl Layout {
     }
 
     /// Memory of the tables of a basis of `replicates` replicates, bytes: a table of luminance for each
-    /// and the table of colour.
+    /// and the tables of colour.
     #[must_use]
     pub fn table_memory(&self, replicates: usize) -> u64 {
-        self.table_bytes() * (replicates + COLOURS) as u64
+        self.table_bytes() * (replicates + COLOURS * self.n_colour_tables(replicates)) as u64
     }
 
     /// Memory of a table with one number per pixel, cell and node, bytes.

@@ -13,8 +13,8 @@ pub struct Linearised<'b> {
     of: &'b TransportBasis,
     value: f64,
     layout: Layout,
-    /// Value and value plus slope at every pixel, as `[cell][replicate]` of `[node][y][x]`; empty for
-    /// cells that were not asked for.
+    /// Value and value plus slope at every pixel, by cell, then by replicate and plane, each as
+    /// `[node][y][x]`; empty for cells that were not asked for.
     cells: Vec<Vec<Vec<f32>>>,
 }
 
@@ -51,12 +51,13 @@ impl<'b> Linearised<'b> {
         // At the second node: along the tangent by 1.
         let ahead: Vec<f64> = values.iter().zip(slopes).map(|(v, slope)| v + slope).collect();
         let mut sum = vec![0.0; width];
-        let of_replicate = |replicate| {
+        let planes = self.layout.planes;
+        let of_plane = |i: usize| {
             let mut images = vec![0.0; 2 * n_pixels];
             let (here, further) = images.split_at_mut(n_pixels);
             for (y, to) in here.chunks_mut(width).zip(further.chunks_mut(width)).enumerate() {
                 let rows = cell * n_nodes..(cell + 1) * n_nodes;
-                let rows: Vec<&[f32]> = rows.map(|row| self.of.row(replicate, row, y)).collect();
+                let rows: Vec<&[f32]> = rows.map(|row| self.of.row(i / planes, i % planes, row, y)).collect();
                 for (weights, to) in [(&values, to.0), (&ahead, to.1)] {
                     kernels::combine(&rows, weights, &mut sum);
                     to.iter_mut().zip(&sum).for_each(|(to, &v)| *to = v as f32);
@@ -64,7 +65,7 @@ impl<'b> Linearised<'b> {
             }
             images
         };
-        (0..self.of.n_replicates()).map(of_replicate).collect()
+        (0..self.of.n_replicates() * planes).map(of_plane).collect()
     }
 }
 
@@ -81,8 +82,9 @@ impl Tables for Linearised<'_> {
         self.of.n_samples()
     }
 
-    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32] {
+    fn row(&self, replicate: usize, plane: usize, row: usize, y: usize) -> &[f32] {
         let width = self.layout.size.x as usize;
-        &self.cells[row / 2][replicate][row % 2 * self.layout.n_pixels() + y * width..][..width]
+        &self.cells[row / 2][replicate * self.layout.planes + plane]
+            [row % 2 * self.layout.n_pixels() + y * width..][..width]
     }
 }

@@ -12,7 +12,8 @@
 //! derivatives are then sums over a few of its rows ([`Recombination`]).
 //!
 //! Replicates come from independent scrambles. Each has a table of luminance, for
-//! the objective; colour is kept as their mean. Tables hold prefix sums over the
+//! the objective; colour is kept as their mean, or of each where the [view](crate::math::view) needs it. Tables
+//! hold prefix sums over the
 //! knots, layout `[y][cell][node][x]` (colour: `[y][cell][red or blue][node][x]`; green follows from
 //! the luminance). The cells of a light are its knots; a light whose size is not free has a single
 //! cell.
@@ -88,8 +89,9 @@ pub struct TransportBasis {
     layout: Layout,
     /// Sums of luminance over the samples, a table for each replicate.
     luminance: Vec<Vec<f32>>,
-    /// Sums of red and blue over the samples of all replicates; empty without colour.
-    colour: Vec<f32>,
+    /// Tables of red and blue: one of the sums over the samples of all replicates, or one for each replicate
+    /// where pictures have [planes](Layout::planes) of colour; none without colour.
+    colour: Vec<Vec<f32>>,
     /// Samples per pixel of each replicate in the tables, counted with their weights.
     n_samples: u32,
     /// Weight with which the next samples count; it doubles with every [`Self::fade`].
@@ -120,7 +122,7 @@ impl TransportBasis {
         let n = layout.n_rows() * layout.n_pixels();
         let (luminance, colour) = rayon::join(
             || (0..replicates).into_par_iter().map(|_| vec![0.0; n]).collect(),
-            || vec![0.0; COLOURS * n],
+            || (0..layout.n_colour_tables(replicates)).map(|_| vec![0.0; COLOURS * n]).collect(),
         );
         Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
@@ -200,16 +202,19 @@ impl TransportBasis {
         Ok(())
     }
 
-    /// The same samples in two replicates, without colour: the sums of every other replicate. A basis
-    /// with an odd number of replicates keeps them all.
+    /// The same samples in two replicates, without the colour of all of them: the sums of every other
+    /// replicate. A basis with an odd number of replicates keeps them all.
     #[must_use]
     pub fn halves(&self) -> Self {
         let n = self.n_replicates();
+        // The table of all replicates is of no use without pictures.
+        let colour = if self.layout.planes == 1 { &[][..] } else { &self.colour };
         if !n.is_multiple_of(2) {
-            return Self { colour: Vec::new(), ..self.clone() };
+            let (layout, luminance) = (self.layout.clone(), self.luminance.clone());
+            return Self { layout, luminance, colour: colour.to_vec(), ..*self };
         }
-        let half = |first: usize| {
-            let tables: Vec<&Vec<f32>> = self.luminance[first..].iter().step_by(2).collect();
+        let half = |of: &[Vec<f32>], first: usize| {
+            let tables: Vec<&Vec<f32>> = of[first..].iter().step_by(2).collect();
             let mut sum = vec![0.0; tables[0].len()];
             sum.par_chunks_mut(1 << 16).enumerate().for_each(|(i, part)| {
                 part.copy_from_slice(&tables[0][i << 16..][..part.len()]);
@@ -220,8 +225,8 @@ impl TransportBasis {
             sum
         };
         Self {
-            luminance: vec![half(0), half(1)],
-            colour: Vec::new(),
+            luminance: vec![half(&self.luminance, 0), half(&self.luminance, 1)],
+            colour: if colour.is_empty() { Vec::new() } else { vec![half(colour, 0), half(colour, 1)] },
             n_samples: self.n_samples * (n / 2) as u32,
             layout: self.layout.clone(),
             ..*self
@@ -229,14 +234,14 @@ impl TransportBasis {
     }
 
     /// The basis of the picture reduced by averaging blocks of `factor` × `factor` pixels, without
-    /// colour. Pixels that fill no block are left out.
+    /// the colour of all replicates. Pixels that fill no block are left out.
     #[must_use]
     pub fn reduced(&self, factor: u32) -> Self {
         let size = self.layout.size / factor;
         let layout = Layout { size, ..self.layout.clone() };
         let (f, n_rows) = (factor as usize, layout.n_rows());
         let [wide, narrow] = [self.layout.size.x, size.x].map(|x| x as usize);
-        let reduce = |table: &Vec<f32>| -> Vec<f32> {
+        let reduce = |table: &Vec<f32>, n_rows: usize| -> Vec<f32> {
             let mut out = vec![0.0; n_rows * layout.n_pixels()];
             if out.is_empty() {
                 return out;
@@ -253,8 +258,10 @@ impl TransportBasis {
             }
             out
         };
-        let luminance = self.luminance.par_iter().map(reduce).collect();
-        Self { luminance, colour: Vec::new(), layout, ..*self }
+        let luminance = self.luminance.par_iter().map(|table| reduce(table, n_rows)).collect();
+        let of_each = if layout.planes == 1 { &[][..] } else { &self.colour };
+        let colour = of_each.par_iter().map(|table| reduce(table, COLOURS * n_rows)).collect();
+        Self { luminance, colour, layout, ..*self }
     }
 
     /// The part of a table with `channels` numbers per pixel, cell and node that belongs to the row `y` of

@@ -39,7 +39,7 @@ pub struct Recombination {
     radiance: Vec<f64>,
 }
 
-/// Derivatives of an image's luminance, pixel by pixel, by everything that a lighting may vary.
+/// Derivatives of an image, one plane after the other, by everything that a lighting may vary.
 #[derive(Clone, Debug, Default)]
 pub struct Tangents {
     /// Derivatives by the radiance and by the size of each light.
@@ -69,7 +69,8 @@ impl LightingGradient {
 }
 
 impl Tangents {
-    /// Adds the gradient of Σ_p `adjoints[i][p]` · luminance(p) to `gradients[i]`, for every i.
+    /// Adds the gradient of Σ_p `adjoints[i][p]` · image(p), over the pixels of all planes, to `gradients[i]`, for
+    /// every i.
     pub fn pull_back(&self, adjoints: &[&[f64]], gradients: &mut [LightingGradient]) {
         let mut sums = vec![0.0; adjoints.len()];
         let mut add = |tangent: &[f64], to: fn(&mut LightingGradient, usize) -> &mut f64, light: usize| {
@@ -133,7 +134,7 @@ impl Recombination {
     }
 }
 
-/// Tables of luminance from which images are recombined.
+/// Tables from which images are recombined: luminance, and red and blue where the layout has these planes.
 pub trait Tables: Sync {
     /// Film size, cells and nodes of the tables.
     fn layout(&self) -> &Layout;
@@ -144,15 +145,16 @@ pub trait Tables: Sync {
     /// Samples per pixel of each replicate, counted with their weights.
     fn n_samples(&self) -> u32;
 
-    /// Sums of luminance of a replicate along the row `y` of pixels, in the cell and at the node of `row`.
-    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32];
+    /// Sums of a plane of a replicate along the row `y` of pixels, in the cell and at the node of `row`.
+    fn row(&self, replicate: usize, plane: usize, row: usize, y: usize) -> &[f32];
 
-    /// Writes the linear luminance of a replicate, pixel by pixel, to `out`.
+    /// Writes the linear luminance of a replicate, pixel by pixel, to `out`, and as many of its other planes as
+    /// there is room for.
     fn luminance(&self, replicate: usize, r: &Recombination, out: &mut [f64]) {
         self.luminances(replicate, &[r], &mut [out]);
     }
 
-    /// Writes the linear luminance of a replicate under several lightings to `out`. Similar lightings
+    /// [Writes](Self::luminance) planes of a replicate under several lightings to `out`. Similar lightings
     /// read the same rows, which are then fetched from memory once.
     fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
@@ -163,21 +165,22 @@ pub trait Tables: Sync {
                 shining.map(|e| (e.row, e.weight * scale)).unzip()
             })
             .collect();
-        let width = self.layout().size.x as usize;
+        let (width, height) = (self.layout().size.x as usize, self.layout().size.y as usize);
         let mut lines = Vec::new();
-        for y in 0..self.layout().size.y as usize {
+        let room = out.first().map_or(0, |out| out.len());
+        for (i, (plane, y)) in plane_rows(room / self.layout().n_pixels().max(1), height).enumerate() {
             for ((rows, weights), out) in weighted.iter().zip(&mut *out) {
                 lines.clear();
-                lines.extend(rows.iter().map(|&row| self.row(replicate, row, y)));
-                kernels::combine(&lines, weights, &mut out[y * width..][..width]);
+                lines.extend(rows.iter().map(|&row| self.row(replicate, plane, row, y)));
+                kernels::combine(&lines, weights, &mut out[i * width..][..width]);
             }
         }
     }
 
-    /// Writes the linear luminance of a replicate to `out` and its derivatives to `tangents`.
+    /// [Writes](Self::luminance) planes of a replicate to `out` and their derivatives to `tangents`.
     fn differentiate(&self, replicate: usize, r: &Recombination, out: &mut [f64], tangents: &mut Tangents) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
-        let width = self.layout().size.x as usize;
+        let (width, height) = (self.layout().size.x as usize, self.layout().size.y as usize);
         tangents.lights.resize_with(r.radiance.len(), Default::default);
         tangents.value.clear();
         tangents.value.resize(out.len(), 0.0);
@@ -193,12 +196,13 @@ pub trait Tables: Sync {
             let [by_radiance, by_size] = &mut *images;
             let [by_radiance, by_size, by_value] =
                 [by_radiance, by_size, &mut tangents.value].map(|image| image.chunks_mut(width));
-            for (y, ((a, b), c)) in by_radiance.zip(by_size).zip(by_value).enumerate() {
+            let rows = plane_rows(out.len() / self.layout().n_pixels().max(1), height);
+            for ((plane, y), ((a, b), c)) in rows.zip(by_radiance.zip(by_size).zip(by_value)) {
                 lines.clear();
-                lines.extend(entries.iter().map(|e| self.row(replicate, e.row, y)));
+                lines.extend(entries.iter().map(|e| self.row(replicate, plane, e.row, y)));
                 kernels::combine_thrice(&lines, &weights, [a, b, c]);
             }
-            // Luminance is linear in each radiance.
+            // Light is linear in each radiance.
             for (y, d) in out.iter_mut().zip(&images[0]) {
                 *y += r.radiance[l] * d;
             }
@@ -219,9 +223,26 @@ impl Tables for TransportBasis {
         self.n_samples
     }
 
-    fn row(&self, replicate: usize, row: usize, y: usize) -> &[f32] {
-        &self.line(&self.luminance[replicate], 1, y)[row * self.width()..][..self.width()]
+    fn row(&self, replicate: usize, plane: usize, row: usize, y: usize) -> &[f32] {
+        let (line, row) = match plane.checked_sub(1) {
+            None => (self.line(&self.luminance[replicate], 1, y), row),
+            Some(colour) => {
+                (self.line(&self.colour[replicate], COLOURS, y), colour_row(&self.layout, row, colour))
+            }
+        };
+        &line[row * self.width()..][..self.width()]
     }
+}
+
+/// Planes and rows of pixels of an image, in the order of its values.
+fn plane_rows(planes: usize, height: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..planes).flat_map(move |plane| (0..height).map(move |y| (plane, y)))
+}
+
+/// Row of a table of colour that belongs to a row of those of luminance; `colour` is 0 for red, 1 for blue.
+fn colour_row(layout: &Layout, row: usize, colour: usize) -> usize {
+    let n_nodes = layout.nodes.len();
+    (row / n_nodes * COLOURS + colour) * n_nodes + row % n_nodes
 }
 
 impl TransportBasis {
@@ -236,7 +257,7 @@ impl TransportBasis {
         let mut sums = vec![0.0_f64; x.radiance.len()];
         for e in &r.entries {
             let of = |replicate| -> f64 {
-                (0..self.layout.size.y as usize).map(|y| kernels::sum(self.row(replicate, e.row, y))).sum()
+                (0..self.layout.size.y as usize).map(|y| kernels::sum(self.row(replicate, 0, e.row, y))).sum()
             };
             sums[e.light] += e.weight * (0..self.n_replicates()).map(of).sum::<f64>();
         }
@@ -271,7 +292,6 @@ impl TransportBasis {
     fn pictures<const N: usize>(&self, x: &Lighting, parts: [Range<usize>; N]) -> [Picture; N] {
         let layout = self.layout();
         let n = layout.n_pixels();
-        let n_nodes = layout.nodes.len();
         let r = Recombination::new(layout, x);
         let scale = 1.0 / (f64::from(self.n_samples().max(1)) * self.n_replicates() as f64);
         let of_light = |light: usize| {
@@ -284,18 +304,18 @@ impl TransportBasis {
             let [mut red, mut blue, mut one] = std::array::from_fn(|_| vec![0.0; width]);
             let mut sums = [(); N].map(|()| vec![0.0; width]);
             for y in 0..layout.size.y as usize {
-                let colours = self.line(&self.colour, COLOURS, y);
                 for (channel, out) in [&mut red, &mut blue].into_iter().enumerate() {
-                    let row = |row: usize| (row / n_nodes * COLOURS + channel) * n_nodes + row % n_nodes;
-                    let lines: Vec<&[f32]> =
-                        rows.iter().map(|&r| &colours[row(r) * width..][..width]).collect();
-                    kernels::combine(&lines, &weights, out);
+                    let lines = self.colour.iter().flat_map(|table| {
+                        let colours = self.line(table, COLOURS, y);
+                        rows.iter().map(move |&r| &colours[colour_row(layout, r, channel) * width..][..width])
+                    });
+                    kernels::combine(&lines.collect::<Vec<_>>(), &weights.repeat(self.colour.len()), out);
                 }
                 for (sum, part) in sums.iter_mut().zip(&parts) {
                     sum.fill(0.0);
                     for replicate in part.clone() {
                         let lines: Vec<&[f32]> =
-                            rows.iter().map(|&row| self.row(replicate, row, y)).collect();
+                            rows.iter().map(|&row| self.row(replicate, 0, row, y)).collect();
                         kernels::combine(&lines, &weights, &mut one);
                         sum.iter_mut().zip(&one).for_each(|(sum, v)| *sum += v);
                     }

@@ -2,7 +2,7 @@
 //!
 //! A file holds, little-endian: the magic `LIGHTOPTBASIS`, a version byte, the
 //! length of a JSON header (u64) and the header, then the tables (f32): luminance
-//! by replicate, colour; at the end a hash (u64) of all that. The header describes the tables; its
+//! by replicate, colour of all or by replicate; at the end a hash (u64) of all that. The header describes the tables; its
 //! `about` is the writer's. No memory is taken for what a header announces before the file is known
 //! to be as long.
 
@@ -72,6 +72,9 @@ struct Header {
     largest_value: f64,
     /// Number of nodes of the background's value.
     n_nodes: usize,
+    /// Planes of the pictures of a replicate, see [`Layout::planes`]; 1 where it is not said.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    planes: usize,
     /// Samples per pixel of each replicate, counted with their weights.
     n_samples: u32,
     /// Number of replicates, each with a table of luminance.
@@ -84,6 +87,15 @@ struct Header {
     taken: u32,
     /// Weight with which the next samples count.
     weight: u32,
+}
+
+fn one() -> usize {
+    1
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_one(n: &usize) -> bool {
+    *n == 1
 }
 
 #[derive(Serialize, Deserialize)]
@@ -116,6 +128,7 @@ impl TransportBasis {
             about: about.clone(),
             largest_value: layout.nodes.values()[0],
             n_nodes: layout.nodes.len(),
+            planes: layout.planes,
             n_samples: self.n_samples,
             replicates: self.n_replicates(),
             size: layout.size.to_array(),
@@ -135,7 +148,7 @@ impl TransportBasis {
         write(&[VERSION])?;
         write(&(header.len() as u64).to_le_bytes())?;
         write(&header)?;
-        for table in self.luminance.iter().chain([&self.colour]) {
+        for table in self.luminance.iter().chain(&self.colour) {
             for part in table.chunks(CHUNK) {
                 let bytes: Vec<u8> = part.iter().flat_map(|v| v.to_le_bytes()).collect();
                 write(&bytes)?;
@@ -201,7 +214,8 @@ fn read(reader: &mut Hashing<impl Read>, length: u64) -> Result<(TransportBasis,
     let rest = length.checked_sub(begin).ok_or(Unread::Damaged)?;
     let (layout, n) = checked_layout(&header, rest).ok_or(Unread::Damaged)?;
     let luminance = (0..header.replicates).map(|_| reader.table(n)).collect::<Result<_, _>>()?;
-    let colour = reader.table(n * COLOURS)?;
+    let n_colours = layout.n_colour_tables(header.replicates);
+    let colour = (0..n_colours).map(|_| reader.table(n * COLOURS)).collect::<Result<_, _>>()?;
     let hash = reader.hash;
     if reader.array()? != hash.to_le_bytes() {
         return Err(Unread::Damaged);
@@ -226,6 +240,7 @@ fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
         && header.largest_value.is_finite()
         && header.largest_value >= 0.0
         && (1..=MAX_NODES).contains(&header.n_nodes)
+        && [1, 1 + COLOURS].contains(&header.planes)
         && header.replicates >= 1
         && (1..=MAX_WEIGHT).contains(&header.weight)
         && (1..=MAX_SAMPLES).contains(&header.n_samples)
@@ -237,7 +252,9 @@ fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
     let [width, height] = header.size.map(u64::from);
     let cells: u64 = header.sizes.iter().map(n_cells).sum();
     let n = width.checked_mul(height)?.checked_mul(cells)?.checked_mul(header.n_nodes as u64)?;
-    let tables = (header.replicates as u64).checked_add(COLOURS as u64)?;
+    let replicates = header.replicates as u64;
+    let colours = if header.planes == 1 { 1 } else { replicates };
+    let tables = colours.checked_mul(COLOURS as u64)?.checked_add(replicates)?;
     let wanted = n.checked_mul(tables)?.checked_mul(4)?.checked_add(8)?;
     if n == 0 || wanted != rest {
         return None;
@@ -248,6 +265,7 @@ fn checked_layout(header: &Header, rest: u64) -> Option<(Layout, usize)> {
     });
     let nodes = ValueNodes::new(header.largest_value, header.n_nodes);
     let layout = Layout::new(UVec2::from_array(header.size), sizes.collect(), nodes);
+    let layout = layout.with_planes(header.planes);
     (layout.nodes.len() == header.n_nodes).then_some((layout, usize::try_from(n).ok()?))
 }
 

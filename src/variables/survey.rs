@@ -20,13 +20,7 @@ use super::{
     BasisRanges, Constraints, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds,
     SurveyedScene, Variable, VariableKind, bounds,
 };
-use crate::{
-    film::Picture,
-    integrator::View,
-    lighting::Lighting,
-    math::display::{LuminanceMode, luminance as luminance_of},
-    scene::Scene,
-};
+use crate::{film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene};
 
 /// Display luminance at which what a light lights is taken to be white: a mean of 1 would need pixels
 /// that all clip.
@@ -209,21 +203,22 @@ fn value_range(scene: &Scene, wanted: Option<[f32; 2]>) -> Option<[f32; 2]> {
     })
 }
 
-/// Gain at which the mean display luminance of the linear luminances `y`, each weighted by `weight` of
-/// it, is `target`; by bisection in the exponent.
+/// Gain at which the mean display luminance of the pixels of `planes`, see [`Measure::planes`], each weighted
+/// by `weight` of its linear luminance, is `target`; by bisection in the exponent.
 #[must_use]
 pub fn gain_for(
-    y: &[f64],
+    planes: &[f64],
     weight: impl Fn(f64) -> f64,
     target: f64,
     exposure: f64,
-    mode: LuminanceMode,
+    measure: Measure,
 ) -> f64 {
-    let weights: Vec<f64> = y.iter().map(|&y| weight(y)).collect();
+    let n = planes.len() / measure.n_planes();
+    let weights: Vec<f64> = planes[..n].iter().map(|&y| weight(y)).collect();
     let total: f64 = weights.iter().sum();
-    let (mut shown, mut slopes) = (vec![0.0; y.len()], vec![0.0; y.len()]);
+    let (mut shown, mut slopes) = (vec![0.0; n], vec![0.0; planes.len()]);
     let mut display = |gain: f64| {
-        mode.encode_all(y, exposure * gain, &mut shown, &mut slopes);
+        measure.encode_all(planes, exposure * gain, &mut shown, &mut slopes);
         weights.iter().zip(&shown).map(|(w, l)| w * l).sum::<f64>() / total
     };
     let (mut lo, mut hi) = (-60.0_f64, 60.0_f64);
@@ -250,8 +245,8 @@ pub struct Survey<'a> {
     /// Kinds of variables that are free in the run.
     pub free: &'a FreeKinds,
     /// Measure of luminance.
-    pub luminance: LuminanceMode,
-    /// Linear luminance of the picture of each light alone at radiance 1, pixel by pixel.
+    pub measure: Measure,
+    /// Planes of the picture of each light alone at radiance 1.
     images: Vec<Vec<f64>>,
     /// Mean linear luminance of the picture of each light alone at radiance 1.
     pub means: Vec<f64>,
@@ -269,20 +264,20 @@ impl<'a> Survey<'a> {
         fitted: &'a Fitted,
         constraints: &'a Constraints,
         free: &'a FreeKinds,
-        luminance: LuminanceMode,
+        measure: Measure,
         unit: &Picture,
     ) -> Self {
         let exposure = fitted.lighting.exposure;
-        let images: Vec<Vec<f64>> =
-            unit.lights.iter().map(|l| l.iter().map(|&rgb| luminance_of(rgb)).collect()).collect();
-        let means: Vec<f64> = images.iter().map(|y| y.iter().sum::<f64>() / y.len() as f64).collect();
-        let alike: Vec<f64> = (0..unit.rgb.len())
+        let images: Vec<Vec<f64>> = unit.lights.iter().map(|light| measure.planes(light)).collect();
+        let n = unit.rgb.len();
+        let means: Vec<f64> = images.iter().map(|y| y[..n].iter().sum::<f64>() / n as f64).collect();
+        let alike: Vec<f64> = (0..n * measure.n_planes())
             .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
             .collect();
-        let gain = gain_for(&alike, |_| 1.0, START, exposure, luminance);
-        let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, luminance));
+        let gain = gain_for(&alike, |_| 1.0, START, exposure, measure);
+        let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, measure));
         let bright = bright.collect();
-        Self { scene, fitted, constraints, free, luminance, images, means, bright, gain }
+        Self { scene, fitted, constraints, free, measure, images, means, bright, gain }
     }
 
     /// Results from which the ranges of the variables follow.
@@ -366,13 +361,14 @@ impl<'a> Survey<'a> {
         mask: &[bool],
         [t_object, t_background]: [f64; 2],
     ) -> MatchedStart<'l> {
-        let total: Vec<f64> =
-            (0..mask.len()).map(|p| lit.iter().map(|&l| self.images[l][p] / self.means[l]).sum()).collect();
+        let total: Vec<f64> = (0..mask.len() * self.measure.n_planes())
+            .map(|p| lit.iter().map(|&l| self.images[l][p] / self.means[l]).sum())
+            .collect();
         let of = |main: bool| -> Vec<f64> {
-            total.iter().zip(mask).filter(|(_, m)| **m == main).map(|(y, _)| *y).collect()
+            total.iter().zip(mask.iter().cycle()).filter(|(_, m)| **m == main).map(|(y, _)| *y).collect()
         };
         let gain_to = |image: &[f64], target| {
-            gain_for(image, |_| 1.0, target, self.fitted.lighting.exposure, self.luminance)
+            gain_for(image, |_| 1.0, target, self.fitted.lighting.exposure, self.measure)
         };
         let gain = gain_to(&of(true), t_object);
         // The background's luminance is about proportional to its value.

@@ -6,10 +6,11 @@ use lightopt_embree::{
     integrator::{Integrator, IntegratorKind, View, aov},
     light::SizeDensity,
     lighting::{Lighting, SamplingPlan},
+    math::{Measure, ViewTransform, measure::plane_of},
     objective::{LuminanceMode, Objective, Smoothing, Target},
     sampler::SamplerKind,
     scene::{Scene, material::Model},
-    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
+    transport::{Knots, Layout, Recombination, SizeBins, Source, Tables, TransportBasis, ValueNodes},
     variables::{ParamVector, Scale, Variable, VariableKind},
 };
 
@@ -33,12 +34,14 @@ fn scene() -> Scene {
     scene.with_background(vec![0, 1, 2])
 }
 
-/// A basis of four replicates in which both sizes and the background's value are open.
-fn basis(scene: &Scene) -> TransportBasis {
+/// A basis of four replicates in which both sizes and the background's value are open, with pictures of so
+/// many planes.
+fn basis(scene: &Scene, planes: usize) -> TransportBasis {
     let integrator = Integrator { kind: IntegratorKind::Bdpt, max_depth: 5, ..Integrator::default() };
     let knots = || Knots::geometric(f64::from(SIZES[0]), f64::from(SIZES[1]), 12);
     let bins = (0..2).map(|_| SizeBins::Free(knots())).collect();
     let layout = Layout::new(scene.camera.size(), bins, ValueNodes::new(f64::from(LARGEST_VALUE), 5));
+    let layout = layout.with_planes(planes);
     let mut plan = SamplingPlan::uniform(&Lighting::authored(scene));
     plan.sizes = vec![SizeDensity::any_size(SIZES); 2];
     plan.largest_value = LARGEST_VALUE;
@@ -88,7 +91,7 @@ fn difference(f: &dyn Fn(&[f64]) -> f64, u: &[f64], i: usize) -> f64 {
 #[test]
 fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
     let scene = scene();
-    let basis = basis(&scene);
+    let basis = basis(&scene, 3);
     let halves = basis.halves();
     let fixed = Lighting::authored(&scene);
     let variables = variables();
@@ -103,7 +106,16 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
         points.push(u);
     }
     points.push(vec![0.0, 1.0, 0.5, 0.0, 1.0]);
-    for (look, luminance) in [("high-key", LuminanceMode::Srgb), ("low-key", LuminanceMode::Linear)] {
+    let through = |view| Measure { view, luminance: LuminanceMode::Srgb };
+    let measures = [
+        ("high-key", Measure::default()),
+        ("low-key", LuminanceMode::Linear.into()),
+        ("high-key", through(ViewTransform::Agx)),
+        ("low-key", through(ViewTransform::Filmic)),
+        ("high-key", through(ViewTransform::PbrNeutral)),
+        ("low-key", through(ViewTransform::Linear)),
+    ];
+    for (look, measure) in measures {
         let target = Target::resolve(look).unwrap();
         let objective = Objective::new(&target, aovs.width, aovs.height, &aovs.mask).unwrap();
         let evaluator = Evaluator {
@@ -112,7 +124,7 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
             objective: &objective,
             variables: &variables,
             fixed: &fixed,
-            luminance,
+            measure,
             least_sizes: &[],
         };
         for delta in [Smoothing::DELTA_FIRST, 5e-3] {
@@ -133,6 +145,47 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
                     );
                 }
             }
+        }
+    }
+}
+
+/// Its luminance is that of a basis without, bit for bit, and so are its pictures but for rounding; the planes
+/// of its replicates have the mean that its pictures show, also after it was written to a file and read.
+#[test]
+fn a_basis_with_the_colour_of_each_replicate_shows_the_same() {
+    let scene = scene();
+    let [plain, coloured] = [1, 3].map(|planes| basis(&scene, planes));
+    let x = Lighting { size: vec![0.7, 0.3], value: 0.8, ..Lighting::authored(&scene) };
+    let n = plain.layout().n_pixels();
+    let planes = |basis: &TransportBasis, replicate: usize, planes: usize| {
+        let mut out = vec![0.0; planes * n];
+        basis.luminance(replicate, &Recombination::new(basis.layout(), &x), &mut out);
+        out
+    };
+    let shown = coloured.picture(&x);
+    for (a, b) in plain.picture(&x).rgb.iter().flatten().zip(shown.rgb.iter().flatten()) {
+        assert!((a - b).abs() <= 1e-5 * (1e-2 + a.abs()), "{a} {b}");
+    }
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.basis");
+    coloured.save(&path, &serde_json::Value::Null).unwrap();
+    let (read, _) = TransportBasis::load(&path).unwrap();
+    for basis in [&coloured, &read] {
+        let of: Vec<Vec<f64>> = (0..4).map(|r| planes(basis, r, 3)).collect();
+        for (r, of) in of.iter().enumerate() {
+            assert_eq!(planes(&plain, r, 1), of[..n]);
+            assert_eq!(planes(basis, r, 1), of[..n]);
+        }
+        for (i, value) in (0..3 * n).map(|i| (i, of.iter().map(|of| of[i] / 4.0).sum::<f64>())) {
+            let wanted = plane_of(i / n, shown.rgb[i % n]);
+            assert!((value - wanted).abs() <= 1e-5 * (1e-2 + wanted.abs()), "{i}: {value} {wanted}");
+        }
+        // Both halves have the same mean.
+        let halves = basis.halves();
+        let mean = |i: usize| (0..2).map(|r| planes(&halves, r, 3)[i] / 2.0).sum::<f64>();
+        for i in [0, n / 2, n + 7, 2 * n + n / 3] {
+            let all = of.iter().map(|of| of[i] / 4.0).sum::<f64>();
+            assert!((mean(i) - all).abs() <= 1e-5 * (1e-2 + all.abs()));
         }
     }
 }

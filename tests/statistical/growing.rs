@@ -10,7 +10,7 @@ use lightopt_embree::{
     film::Picture,
     integrator::{Integrator, IntegratorKind, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
-    math::{self, stats::Moments},
+    math::{self, Measure, stats::Moments},
     objective::LuminanceMode,
     sampler::SamplerKind,
     scene::{Scene, material::Model},
@@ -52,8 +52,8 @@ fn integrator(kind: IntegratorKind) -> Integrator {
 
 /// Grows the pictures of both lightings.
 fn grow(scene: &Scene, kind: IntegratorKind, seed: u64, spp: u32, between: &dyn Between) -> Grown {
-    let (luminance, sampler) = (LuminanceMode::Srgb, SamplerKind::Sobol);
-    let renderer = Renderer { integrator: integrator(kind), sampler, luminance };
+    let (measure, sampler) = (Measure::default(), SamplerKind::Sobol);
+    let renderer = Renderer { integrator: integrator(kind), sampler, measure };
     let [start, look] = &lightings();
     let plan = SamplingPlan::for_pictures(&[(start, &[0.2, 0.1, 0.2]), (look, &[0.4, 0.2, 0.4])]);
     let view = View { scene, camera: &scene.camera };
@@ -149,9 +149,12 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
     for seed in 0..60 {
         let grown = grow(&scene, kind, seed, 128, &|| false);
         for k in 0..2 {
-            let linear: Vec<Vec<f64>> =
-                grown.luminances(k).iter().map(|y| y.iter().map(|&y| f64::from(y)).collect()).collect();
-            let display = Display { width, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+            let linear: Vec<Vec<f64>> = grown
+                .planes(k, Measure::default())
+                .iter()
+                .map(|y| y.iter().map(|&y| f64::from(y)).collect())
+                .collect();
+            let display = Display { width, measure: Measure::default(), exposure: 1.0 };
             told[k].push(noise::estimate(&linear, display).noise().whole.powi(2));
             let shown = grown.picture(k).rgb.into_iter().map(|rgb| show(&rgb));
             let squares = shown.zip(&truth[k]).map(|(shown, truth)| (shown - truth).powi(2));
@@ -174,7 +177,7 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
     let mut scene = scene();
     scene.camera = scene.camera.resized(UVec2::new(48, 36));
     let kind = IntegratorKind::Bdpt;
-    let display = Display { width: 48, luminance: LuminanceMode::Srgb, exposure: 1.0 };
+    let display = Display { width: 48, measure: Measure::default(), exposure: 1.0 };
     let y = |rgb: &[f32; 3]| math::display::luminance(*rgb);
     let show = |y: f64| LuminanceMode::Srgb.encode(y, 1.0);
     let features = Features::trace(View { scene: &scene, camera: &scene.camera });
@@ -188,8 +191,9 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
         let [mut told, mut known, mut whole, mut noisy, mut spread_alone] = [Moments::default(); 5];
         for seed in 0..24 {
             let grown = grow(&scene, kind, seed, 16, &|| false);
-            let [a, b, c, d] =
-                grown.luminances(k).map(|y| y.into_iter().map(f64::from).collect::<Vec<f64>>());
+            let [a, b, c, d] = grown
+                .planes(k, Measure::default())
+                .map(|y| y.into_iter().map(f64::from).collect::<Vec<f64>>());
             let [first, second] =
                 grown.denoised_halves(k, &features).map(|half| half.iter().map(y).collect());
             let [first, second]: [Vec<f64>; 2] = [first, second];

@@ -9,8 +9,8 @@ use lightopt_embree::{
     integrator::{Integrator, IntegratorKind, View, aov},
     light::SizeDensity,
     lighting::{Lighting, SamplingPlan},
-    math::stats::Moments,
-    objective::{JackknifeEstimate, LABELLINGS, LuminanceMode, Objective, Target},
+    math::{Measure, stats::Moments},
+    objective::{JackknifeEstimate, LABELLINGS, Objective, Target},
     sampler::SamplerKind,
     scene::{Scene, material::Model},
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
@@ -79,7 +79,7 @@ fn basis(scene: &Scene, seed: u64, spp: u32) -> TransportBasis {
 /// f_q of ordinary renders of a lighting, their error far below those asked about.
 fn truth(scene: &Scene, x: &Lighting, objective: &Objective, spp: u32) -> f64 {
     let renderer =
-        Renderer { integrator: integrator(), sampler: SamplerKind::Sobol, luminance: LuminanceMode::Srgb };
+        Renderer { integrator: integrator(), sampler: SamplerKind::Sobol, measure: Measure::default() };
     let budget = Budget { seed: 987, spp, n_replicates: 8 };
     let picture = renderer.render(view(scene), x, &SamplingPlan::uniform(x), budget, &()).unwrap();
     picture.measure(objective).unwrap().estimate.evaluation.f_q
@@ -88,16 +88,9 @@ fn truth(scene: &Scene, x: &Lighting, objective: &Objective, spp: u32) -> f64 {
 /// f_q at `u` of a basis.
 fn estimate(basis: &TransportBasis, objective: &Objective, v: &ParamVector, u: &[f64]) -> JackknifeEstimate {
     let fixed = lighting();
-    let luminance = LuminanceMode::Srgb;
-    let evaluator = Evaluator {
-        basis,
-        halves: basis,
-        objective,
-        variables: v,
-        fixed: &fixed,
-        luminance,
-        least_sizes: &[],
-    };
+    let measure = Measure::default();
+    let evaluator =
+        Evaluator { basis, halves: basis, objective, variables: v, fixed: &fixed, measure, least_sizes: &[] };
     evaluator.estimate(u, LABELLINGS).unwrap()
 }
 

@@ -8,10 +8,11 @@ use glam::UVec2;
 use crate::{
     cli::{
         choices::{PARTS, one_of},
-        common::{ConfinementArgs, PictureArgs, TransportArgs, parse_spp},
+        common::{ConfinementArgs, PictureArgs, TransportArgs, parse_spp, views},
     },
     design::noise::FINAL_NOISE,
     figures::Part,
+    math::ViewTransform,
 };
 
 /// Make the tables and figures of the paper anew
@@ -80,6 +81,10 @@ pub struct FiguresArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub max_evaluations: Option<u32>,
 
+    /// View transform between light and display, of all scenes [default: srgb]
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+
     /// Light transport.
     #[command(flatten)]
     pub transport: TransportArgs,
@@ -97,6 +102,8 @@ pub struct Settings {
     pub final_noise: f64,
     /// Whether the pictures shown are denoised.
     pub denoise: bool,
+    /// View through which all pictures are seen.
+    pub view: ViewTransform,
     /// Size of the pictures that are optimised, pixels.
     pub work_size: UVec2,
     /// Samples per pixel of the first transport basis.
@@ -119,6 +126,7 @@ impl Settings {
         final_spp: 192,
         final_noise: FINAL_NOISE,
         denoise: true,
+        view: ViewTransform::Srgb,
         work_size: UVec2::new(128, 96),
         spp: 12,
         tolerance: 0.005,
@@ -132,6 +140,7 @@ impl Settings {
         final_spp: 64,
         final_noise: FINAL_NOISE,
         denoise: true,
+        view: ViewTransform::Srgb,
         work_size: UVec2::new(64, 48),
         spp: 16,
         tolerance: 0.02,
@@ -150,6 +159,7 @@ impl Settings {
             final_spp: args.final_spp.unwrap_or(usual.final_spp),
             final_noise: args.pictures.final_noise,
             denoise: !args.pictures.no_denoise,
+            view: args.view.unwrap_or_default(),
             work_size,
             compared_size: usual.compared_size.min(work_size),
             max_evaluations: args.max_evaluations.unwrap_or(usual.max_evaluations),

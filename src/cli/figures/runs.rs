@@ -22,7 +22,8 @@ use crate::{
     import::Loaded,
     integrator::Observer,
     lighting::Lighting,
-    objective::{LuminanceMode, Target},
+    math::Measure,
+    objective::Target,
     picture::{Picture, Purpose, Reading},
     variables::FreeKinds,
 };
@@ -97,7 +98,7 @@ impl Runner<'_> {
             memory: MEMORY,
             integrator: self.transport.integrator(),
             sampler: self.transport.sampler,
-            luminance: LuminanceMode::default(),
+            measure: Measure { view: self.settings.view, ..Measure::default() },
             size: self.settings.size,
             work_size: self.settings.work_size,
             spp: Some(self.settings.spp),

@@ -76,6 +76,7 @@ impl<'a> Workshop<'a> {
                 "final_spp": settings.final_spp,
                 "final_noise": settings.final_noise,
                 "denoise": settings.denoise,
+                "view": settings.view,
                 "work_size": work_size.to_array(),
                 "spp": settings.spp,
                 "tolerance": settings.tolerance,

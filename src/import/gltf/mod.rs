@@ -161,6 +161,7 @@ impl Reader<'_> {
             camera: cameras.first().map(|c| c.1),
             cameras,
             lights: self.lights,
+            is_of_blender: self.file.is_of_blender(),
         })
     }
 }

@@ -17,6 +17,7 @@ pub use header::{Channel, MAGIC, Part};
 pub use layers::{Colours, Layer, listed, quoted};
 
 use super::budget::SizeError;
+use crate::math::measure::PLANES;
 use header::Headers;
 use stream::Stream;
 
@@ -122,15 +123,21 @@ impl<R: Read + Seek> ExrFile<R> {
         self.channel("mask", |part| part.name == "mask").or_else(|| self.channel("mask", |_| true))
     }
 
-    /// Part and indices of the channels of the replicates of a picture of this program, in their order: Y0,
-    /// Y1 and so on in the part `replicates`, of which there are two at least.
+    /// Part and indices of the channels of the replicates of a picture of this program, by replicate: of Y0,
+    /// Y1 and so on in the part `replicates`, of which there are two at least, or of Y0, R0, B0, Y1 and so on
+    /// where all have colour.
     #[must_use]
-    pub fn replicates(&self) -> Option<(usize, Vec<usize>)> {
+    pub fn replicates(&self) -> Option<(usize, Vec<Vec<usize>>)> {
         let mut parts = self.headers.parts.iter();
         let part = parts.position(|part| !part.is_deep && part.name == "replicates")?;
         let channels = &self.headers.parts[part].channels;
-        let index = |r: usize| channels.iter().position(|c| c.name == format!("Y{r}"));
-        let all: Vec<usize> = (0..channels.len()).map_while(index).collect();
+        let index = |plane: char, r: usize| channels.iter().position(|c| c.name == format!("{plane}{r}"));
+        let all = |planes: &[char]| -> Vec<Vec<usize>> {
+            let of = |r: usize| planes.iter().map(|&plane| index(plane, r)).collect();
+            (0..channels.len()).map_while(of).collect()
+        };
+        let (luminance, colour) = (all(&PLANES[..1]), all(&PLANES));
+        let all = if colour.len() == luminance.len() { colour } else { luminance };
         (all.len() >= 2).then_some((part, all))
     }
 

@@ -19,7 +19,7 @@ pub struct Chromaticities {
 }
 
 /// White of Rec.709, Display P3 and Rec.2020.
-const D65: [f64; 2] = [0.3127, 0.3290];
+pub const D65: [f64; 2] = [0.3127, 0.3290];
 
 /// Rec.709, the primaries of sRGB and of the renderer.
 pub const REC709: Chromaticities =
@@ -87,7 +87,8 @@ impl Chromaticities {
     }
 
     /// From R, G, B to X, Y, Z with Y = 1 of white; `None` where they span no space.
-    fn to_xyz(self) -> Option<DMat3> {
+    #[must_use]
+    pub fn to_xyz(self) -> Option<DMat3> {
         let xyz = |[x, y]: [f64; 2]| DVec3::new(x, y, 1.0 - x - y);
         let primaries = DMat3::from_cols(xyz(self.red), xyz(self.green), xyz(self.blue));
         let is_sound = self.list().iter().all(|v| v.is_finite())
