@@ -9,8 +9,7 @@ use serde_json::json;
 
 use super::{
     common::{
-        CameraArgs, ConfinementArgs, TransportArgs, lighting, load_scene, parse_exposure, parse_size,
-        parse_spp,
+        CameraArgs, ConfinementArgs, TransportArgs, load_lit_scene, parse_exposure, parse_size, parse_spp,
     },
     progress::Console,
     signals,
@@ -114,8 +113,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let console = Console::new();
     let result = args.transport.in_pool(|| {
         let options = args.camera.options(args.confinement);
-        let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
-        let lighting = lighting(&scene, args.lights.as_deref(), args.exposure)?;
+        let given = (args.lights.as_deref(), args.exposure);
+        let (scene, lighting) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
         let view = View { scene: &scene, camera: &camera };
         let aovs = aov::trace(view, lighting.value as f32);

@@ -16,7 +16,7 @@ use super::{
     choices::{GRADIENTS, one_of},
     common::{
         CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, free_kinds, lighting,
-        load_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -28,8 +28,12 @@ use crate::{
         unfinished::{UNFINISHED, Unfinished},
         write_whole,
     },
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
-    import::{self, Loaded},
+    design::{
+        self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable,
+        attainable::Reach,
+        rig::{self, Order},
+    },
+    import::{self, LoadOptions, Loaded},
     photo::Look,
     variables::{FreeKinds, VariableKind},
 };
@@ -111,6 +115,15 @@ pub struct RunArgs {
     /// What may vary [default: the sidecar's, else all]
     #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_parser = free_kinds())]
     pub free: Option<Vec<VariableKind>>,
+
+    /// Place lamps: N at most, and as few as it takes, in the place of the scene's own lights [default: 4
+    /// for a scene that has none]. Where they may stand is said by [movement] in the sidecar
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=12))]
+    pub lamps: Option<u8>,
+
+    /// With --lamps: keep the scene's own lights, and add lamps to them
+    #[arg(long, requires = "lamps")]
+    pub keep: bool,
 
     /// How gradients are found
     #[arg(long, value_parser = one_of(&GRADIENTS), default_value = "basis")]
@@ -211,6 +224,10 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
 }
 
+/// Lamps at most that are placed in a scene without lights, as many as a portrait is lit with: key, fill, rim
+/// and background.
+const LAMPS: u8 = 4;
+
 /// Width of the working pictures by default, pixels: the noise and the cost of a search are those of this
 /// size, while the gradient term of f_q depends on it.
 const WORK_WIDTH: u32 = 128;
@@ -256,8 +273,10 @@ fn work(
     let console = Console::new();
     let basis_file = root.join(BASIS);
     let done = args.transport.in_pool(|| {
+        let without_lights = args.lamps.is_some() && !args.keep;
+        let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
         let Loaded { scene, constraints, staging, .. } =
-            load_scene(args.scene(), &args.camera.options(args.confinement), |w| console.note(w))?;
+            load_any_scene(args.scene(), &load, |w| console.note(w))?;
         signals::end_in_order("keeping what is found so far");
         let authored = lighting(&scene, None, args.exposure)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
@@ -295,9 +314,18 @@ fn work(
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
         };
-        let subject =
-            Subject { scene: &scene, path: &scene_path, authored: &authored, constraints: &constraints };
-        let reports = design::run(subject, &options, &console)?;
+        let (path, authored, constraints) = (scene_path.as_path(), &authored, &constraints);
+        let lamps = args.lamps.or_else(|| scene.lights.is_empty().then_some(LAMPS)).map(usize::from);
+        let reports = match lamps {
+            None => {
+                let subject = Subject { scene: &scene, path, authored, constraints, rig: None };
+                design::run(subject, &options, &console)?
+            }
+            Some(most) => {
+                let order = Order { most, without_lights, path, authored, constraints, options: &options };
+                rig::run(scene, &order, &console)?
+            }
+        };
         if let Some(sidecar) = &staging {
             for job in &jobs {
                 write_whole(&job.out.join(STAGING), sidecar)?;

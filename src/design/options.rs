@@ -8,7 +8,7 @@ use std::{
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use super::{attainable::Reach, noise::Noise};
+use super::{attainable::Reach, noise::Noise, rig::Rig};
 use crate::{
     audit::AuditError,
     files::number::Bytes,
@@ -55,6 +55,8 @@ pub struct Subject<'a> {
     pub authored: &'a Lighting,
     /// Constraints that the scene's author sets on the variables.
     pub constraints: &'a Constraints,
+    /// Lamps that the program placed; `None` where all lights are the scene's own.
+    pub rig: Option<&'a Rig>,
 }
 
 /// Options of a run.
@@ -178,6 +180,10 @@ pub enum RunError {
          or make the working pictures smaller with --work-size"
     )]
     Memory { needed: Bytes, allowed: Bytes },
+    #[error("the camera sees nothing of the main object, so that lamps have no subject")]
+    NoSubject,
+    #[error("there is no place for a lamp; allow more of them in [movement]")]
+    NoPlace,
     #[error("cannot write the manifest")]
     Manifest(#[from] toml::ser::Error),
 }

@@ -40,7 +40,10 @@ pub(super) fn write_found(
     setup: Setup,
 ) -> Result<(), RunError> {
     let lighting = setup.lighting(u);
-    let file = LightsFile::new(setup.scene, &lighting);
+    let mut file = LightsFile::new(setup.scene, &lighting);
+    if let Some(rig) = setup.rig {
+        rig.describe(&mut file, setup.scene);
+    }
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {
         write_png(&task.job.out.join("found.png"), shown, lighting.exposure)?;

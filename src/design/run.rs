@@ -38,7 +38,7 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    let Subject { scene, constraints, .. } = subject;
+    let Subject { scene, constraints, rig, .. } = subject;
     check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
@@ -66,6 +66,7 @@ pub fn run(
         camera,
         fitted,
         constraints,
+        rig,
         aovs,
         features,
         options,

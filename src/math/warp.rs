@@ -52,5 +52,19 @@ pub fn square_to_sphere(u: Vec2) -> Vec3 {
     Vec3::new(r * phi.cos(), r * phi.sin(), z)
 }
 
+/// Direction of the whole sphere by an octahedral map of equal area, \[Clarberg08\]: parts of the square of
+/// equal area have equal solid angles, and neighbours are neighbours. The middle of the square is +z.
+#[must_use]
+pub fn square_to_sphere_octahedral(u: Vec2) -> Vec3 {
+    let o = 2.0 * u - Vec2::ONE;
+    let a = o.abs();
+    let d = 1.0 - (a.x + a.y);
+    let r = 1.0 - d.abs();
+    let phi = FRAC_PI_4 * if r == 0.0 { 1.0 } else { (a.y - a.x) / r + 1.0 };
+    let across = r * (2.0 - r * r).max(0.0).sqrt();
+    let z = (1.0 - r * r).copysign(d);
+    Vec3::new((across * phi.cos()).copysign(o.x), (across * phi.sin()).copysign(o.y), z)
+}
+
 /// Density of [`square_to_sphere`].
 pub const UNIFORM_SPHERE_PDF: SolidAnglePdf = SolidAnglePdf(1.0 / (4.0 * PI));

@@ -125,6 +125,32 @@ impl TransportBasis {
         Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
 
+    /// A basis without samples that keeps no colour, for searches.
+    #[must_use]
+    pub fn of_luminance(layout: Layout, replicates: usize) -> Self {
+        let n = layout.n_rows() * layout.n_pixels();
+        let luminance = (0..replicates).into_par_iter().map(|_| vec![0.0; n]).collect();
+        Self { luminance, colour: Vec::new(), n_samples: 0, weight: 1, taken: 0, layout }
+    }
+
+    /// The basis of some of its lights, in the order in which they are given, without colour.
+    #[must_use]
+    pub fn of_lights(&self, lights: &[usize]) -> Self {
+        let layout = self.layout.of_lights(lights);
+        let length = self.layout.nodes.len() * self.width();
+        let cells: Vec<usize> = lights.iter().flat_map(|&l| self.layout.lights[l].cells()).collect();
+        let select = |table: &Vec<f32>| {
+            let mut out = Vec::with_capacity(layout.n_rows() * layout.n_pixels());
+            for y in 0..layout.size.y as usize {
+                let line = self.line(table, 1, y);
+                cells.iter().for_each(|cell| out.extend_from_slice(&line[cell * length..][..length]));
+            }
+            out
+        };
+        let luminance = self.luminance.iter().map(select).collect();
+        Self { luminance, colour: Vec::new(), layout, ..*self }
+    }
+
     /// Film size, cells and nodes of the tables.
     #[must_use]
     pub fn layout(&self) -> &Layout {

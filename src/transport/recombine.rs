@@ -225,7 +225,7 @@ impl Tables for TransportBasis {
 }
 
 impl TransportBasis {
-    fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.layout.size.x as usize
     }
 
