@@ -337,7 +337,8 @@ fn work(
     let (reports, jobs) = done?;
     if !args.keep_basis && !signals::received() {
         // There is none where gradients are differences.
-        let _ = fs::remove_file(&basis_file);
+        let each = jobs.iter().map(|job| job.out.join(BASIS));
+        each.chain([basis_file]).for_each(|file| drop(fs::remove_file(file)));
     }
     let each = reports.iter().zip(&jobs);
     if args.json {
@@ -387,7 +388,7 @@ pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
 
 /// Report of a look as a JSON object.
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
-    json!({
+    let mut report = json!({
         "target": job.target.name(),
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
@@ -406,7 +407,11 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "caution": r.caution,
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
-    })
+    });
+    if !r.lamps.is_empty() {
+        report["lamps"] = r.lamps.iter().map(|(name, lamp)| json!({"name": name, "setup": lamp})).collect();
+    }
+    report
 }
 
 /// Report of a look as text.
@@ -461,6 +466,14 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     }
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
+    }
+    for (name, lamp) in &r.lamps {
+        let _ = writeln!(
+            text,
+            "{}{name}: {}",
+            if r.lamps[0].0 == *name { "\n" } else { "" },
+            rig::in_words(lamp)
+        );
     }
     let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
     let _ = writeln!(text, "\n{}", out.join(file).display());

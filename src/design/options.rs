@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{attainable::Reach, noise::Noise, rig::Rig};
 use crate::{
-    audit::AuditError,
+    audit::{AuditError, placed::Description},
     files::number::Bytes,
     film::{exr::ExrError, image_file::ImageFileError},
     integrator::{Integrator, RenderError},
@@ -126,6 +126,8 @@ pub struct RunReport {
     pub variables: ParamVector,
     /// Values of the variables, in their order.
     pub x: Vec<f64>,
+    /// Lamps that the program placed, by name, with what a photographer sets up.
+    pub lamps: Vec<(String, Description)>,
     /// Number of renders so far in the run, of all sizes.
     pub renders: u64,
     /// Number of evaluations of f_q with its gradient.

@@ -42,7 +42,8 @@ pub(super) fn write_found(
     let lighting = setup.lighting(u);
     let mut file = LightsFile::new(setup.scene, &lighting);
     if let Some(rig) = setup.rig {
-        rig.describe(&mut file, setup.scene);
+        rig.describe(&mut file, setup.scene, &lighting);
+        write_whole(&task.job.out.join("plan.svg"), rig.plan(setup.scene, &lighting))?;
     }
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {

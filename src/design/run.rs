@@ -246,7 +246,10 @@ fn finish(
         let caution: Vec<String> = degenerate.into_iter().chain(lacking).collect();
         caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
         task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+        let lighting = setup.lighting(&u);
+        let lamps = setup.rig.map_or_else(Vec::new, |rig| rig.described(setup.scene, &lighting));
         Ok(RunReport {
+            lamps: lamps.into_iter().map(|(lamp, described)| (lamp.name.clone(), described)).collect(),
             initial,
             check,
             last,

@@ -12,6 +12,7 @@ mod mitsuba;
 mod noise;
 mod opaque;
 mod render_errors;
+mod rig;
 mod spawn;
 mod surroundings;
 mod transport;

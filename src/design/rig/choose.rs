@@ -65,7 +65,7 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
     ///
     /// # Errors
     /// When NLopt fails.
-    pub fn from_nothing(&self, most: usize) -> Result<Vec<Choice>, OptimError> {
+    pub fn rigs(&self, most: usize) -> Result<Vec<Choice>, OptimError> {
         let own: Vec<usize> = (0..self.carrier.n_own).collect();
         let mut rigs = vec![self.bare(own)?];
         let mut best = Vec::new();

@@ -92,6 +92,22 @@ impl PlacedLamp {
     }
 }
 
+/// A lamp in one line: where it stands, how large it is and how bright.
+#[must_use]
+pub fn in_words(d: &Description) -> String {
+    let side = match d.azimuth {
+        a if a.abs() < 0.5 => "from the front".to_owned(),
+        a => format!("{:.0}\u{b0} {}", a.abs(), if a < 0.0 { "left" } else { "right" }),
+    };
+    let height = format!("{:.0}\u{b0} {}", d.elevation.abs(), if d.elevation < 0.0 { "down" } else { "up" });
+    let [width, tall] = d.extent;
+    let beam = d.beam.map_or_else(String::new, |beam| format!(", beam {beam:.0}\u{b0}"));
+    format!(
+        "{side}, {height}, {:.2} m away, {:.2} m high; {width:.2} x {tall:.2} m{beam}; {:.3} W, {:.0} lm",
+        d.distance, d.height, d.watts, d.lumens
+    )
+}
+
 /// The shortest decimal number that is read as the same `f32`.
 fn decimal(value: f32) -> f64 {
     value.to_string().parse().unwrap_or(f64::from(value))

@@ -10,13 +10,15 @@
 //! | `places` | the lamps among which a rig is chosen |
 //! | `carrier` | their pictures, rendered together |
 //! | `choose` | which of them, and how bright |
-//! | `describe` | what a photographer would say of them |
+//! | `describe`, `plan` | what a photographer would say of them, and draw |
+//! | `run` | a whole run whose lamps the program places |
 
 mod carrier;
 mod choose;
 mod describe;
 mod lamp;
-mod places;
+pub mod places;
+mod plan;
 mod run;
 mod set;
 
@@ -31,16 +33,21 @@ use super::{
     seeds::{Purpose, seed_for},
 };
 use crate::{
-    audit::{lights::LightsFile, placed::Role},
+    audit::{
+        lights::LightsFile,
+        placed::{Description, Role},
+    },
     integrator::View,
     light::Light,
+    lighting::Lighting,
     scene::Scene,
     variables::{Constraints, Fitted, LightConstraints, bounds},
 };
 
+pub use describe::in_words;
 pub use lamp::{Beam, Lamp};
 pub use run::{Order, run};
-pub use set::{Place, Set};
+pub use set::{Ground, Place, Set};
 
 /// Samples that every lamp has in a pixel of the carrier. Set by reasoning.
 const SAMPLES: u32 = 3;
@@ -54,8 +61,12 @@ const HALVINGS: u32 = 6;
 pub struct Rig {
     /// The lamps with their names and roles, in the order of the lights.
     pub lamps: Vec<PlacedLamp>,
+    /// Lamps at most that were asked for.
+    pub most: usize,
     /// Whether the lights of the scene's files were left out.
     pub without_lights: bool,
+    /// The set on which they stand.
+    pub ground: Ground,
 }
 
 /// A lamp that the program placed.
@@ -119,7 +130,7 @@ fn choose(carrier: &Carrier, order: &Order, reporter: &impl Reporter) -> Result<
         let cancelled = || reporter.cancelled();
         let chooser =
             Chooser { carrier, objectives: carrier.objectives(&job.target)?, cancelled: &cancelled };
-        let rigs = chooser.from_nothing(most)?;
+        let rigs = chooser.rigs(most)?;
         let costs: Vec<String> = rigs.iter().map(|rig| format!("{:.3}", rig.f_q)).collect();
         reporter.note(&format!("{}: f_q with 1, 2, ... lamps: {}", job.target.name(), costs.join(", ")));
         let choice = choose::as_few_as_it_takes(&rigs, options.tolerance).ok_or(RunError::NoPlace)?;
@@ -150,7 +161,7 @@ fn rig(choice: &Choice, carrier: &Carrier, set: &Set, view: View, order: &Order)
         let sizes = sizes(&lamp, set, view);
         lamps.push(PlacedLamp { name, role, lamp, place, height, radiance: lighting.radiance[k], sizes });
     }
-    Rig { lamps, without_lights: order.without_lights }
+    Rig { lamps, most: order.most, without_lights: order.without_lights, ground: set.ground() }
 }
 
 /// Least and largest size of a lamp at which it may stand where it does.
@@ -192,13 +203,29 @@ impl Rig {
 }
 
 impl Rig {
-    /// Adds to a file of lights where the lamps stand and what a photographer sets up.
-    pub fn describe(&self, file: &mut LightsFile, scene: &Scene) {
+    /// The lamps with what a photographer sets up for each in a lighting of the scene.
+    #[must_use]
+    pub fn described(&self, scene: &Scene, lighting: &Lighting) -> Vec<(&PlacedLamp, Description)> {
+        let first = scene.lights.len() - self.lamps.len();
+        let at = |k: usize| (lighting.radiance[first + k], lighting.size[first + k]);
+        let each = self.lamps.iter().enumerate();
+        each.map(|(k, lamp)| (lamp, lamp.description(at(k).0, at(k).1))).collect()
+    }
+
+    /// Adds to the file of a lighting where the lamps stand and what a photographer sets up.
+    pub fn describe(&self, file: &mut LightsFile, scene: &Scene, lighting: &Lighting) {
         file.without_lights = self.without_lights;
-        for setting in &mut file.lights {
-            let Some(lamp) = self.lamps.iter().find(|lamp| lamp.name == setting.name) else { continue };
-            setting.placed = Some(lamp.placed(scene.origin));
-            setting.setup = Some(lamp.description(setting.radiance, setting.size.unwrap_or(1.0)));
+        for (lamp, description) in self.described(scene, lighting) {
+            for setting in file.lights.iter_mut().filter(|setting| setting.name == lamp.name) {
+                setting.placed = Some(lamp.placed(scene.origin));
+                setting.setup = Some(description.clone());
+            }
         }
+    }
+
+    /// The plan of the set in a lighting of the scene, as an SVG file.
+    #[must_use]
+    pub fn plan(&self, scene: &Scene, lighting: &Lighting) -> String {
+        plan::svg(&self.ground, &self.described(scene, lighting))
     }
 }

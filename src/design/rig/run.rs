@@ -1,14 +1,21 @@
 //! A whole run whose lamps the program places.
 
-use std::path::Path;
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
 
 use super::find;
 use crate::{
+    audit::BASIS,
     design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
     lighting::Lighting,
     scene::Scene,
     variables::Constraints,
 };
+
+/// Time limit of a look for which no time is left: it gets one pass of everything.
+const LEAST_TIME: Duration = Duration::from_millis(1);
 
 /// What rigs are sought for.
 #[derive(Clone, Copy, Debug)]
@@ -34,14 +41,23 @@ pub struct Order<'a> {
 /// # Errors
 /// As [`find`] and [`design::run`].
 pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<RunReport>, RunError> {
+    let start = Instant::now();
     let (rigs, mut scene) = find(scene, order, reporter)?;
     let own = scene.lights.clone();
     let mut reports = Vec::new();
-    for (job, rig) in order.options.jobs.iter().zip(&rigs) {
+    let n = rigs.len();
+    for (k, (job, rig)) in order.options.jobs.iter().zip(&rigs).enumerate() {
         scene = scene.with_lights(own.iter().cloned().chain(rig.lights()).collect());
         let authored = Lighting { exposure: order.authored.exposure, ..Lighting::authored(&scene) };
         let constraints = rig.constrained(order.constraints);
-        let options = RunOptions { jobs: vec![job.clone()], ..order.options.clone() };
+        let left = order.options.time_limit.map(|limit| limit.saturating_sub(start.elapsed()));
+        let options = RunOptions {
+            jobs: vec![job.clone()],
+            // What is left, in equal parts.
+            time_limit: left.map(|left| (left / (n - k) as u32).max(LEAST_TIME)),
+            basis_file: order.options.basis_file.as_ref().map(|_| job.out.join(BASIS)),
+            ..order.options.clone()
+        };
         let subject = Subject {
             scene: &scene,
             path: order.path,

@@ -51,7 +51,37 @@ pub struct Set<'a> {
     movement: Movement,
 }
 
+/// What a plan of the set shows besides lamps.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// Middle of the subject, metres.
+    pub center: Vec3,
+    /// Radius of the subject, metres.
+    pub radius: f32,
+    /// Horizontal unit vector from the subject toward the camera.
+    pub front: Vec3,
+    /// Horizontal unit vector to the right in the picture.
+    pub right: Vec3,
+    /// Place of the camera, metres.
+    pub eye: Vec3,
+    /// Points of the background that the camera sees, metres.
+    pub surfaces: Vec<Vec3>,
+}
+
 impl<'a> Set<'a> {
+    /// What a plan of the set shows.
+    #[must_use]
+    pub fn ground(&self) -> Ground {
+        Ground {
+            center: self.center,
+            radius: self.radius,
+            front: self.front,
+            right: self.right,
+            eye: self.view.camera.position,
+            surfaces: self.backdrop.iter().map(|p| p.0).collect(),
+        }
+    }
+
     /// The set of a view; `None` where the camera sees nothing of the main object.
     #[must_use]
     pub fn new(view: View<'a>, movement: Movement) -> Option<Self> {
