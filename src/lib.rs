@@ -56,6 +56,8 @@
 //!   Denoising Monte Carlo Renderings*, CGF 35(4), 2016.
 //! - \[BT709\] Recommendation ITU-R BT.709-6, 2015.
 //! - \[Burley20\] B. Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020.
+//! - \[Clarberg08\] P. Clarberg, *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, Journal of
+//!   Graphics Tools 13(3), 2008.
 //! - \[DLMF\] NIST Digital Library of Mathematical Functions, <https://dlmf.nist.gov>.
 //! - \[Duff17\] T. Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6(1),
 //!   2017.

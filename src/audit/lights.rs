@@ -4,9 +4,13 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::stored::About;
+use super::{
+    placed::{Description, Placed},
+    stored::About,
+};
 use crate::{
     files::{nearest, number::Number, toml_file::TomlError},
+    import::LoadOptions,
     lighting::{self, Lighting},
     math::ViewTransform,
     scene::Scene,
@@ -31,6 +35,10 @@ pub struct LightsFile {
     /// Setting of the background; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub background: Option<Background>,
+    /// Whether the lights of the scene's files are left out, but for materials that emit: all others are
+    /// placed by this file.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub without_lights: bool,
     /// Settings of lights by name; other lights keep the scene's.
     #[serde(default)]
     pub lights: Vec<LightSetting>,
@@ -57,6 +65,12 @@ pub struct LightSetting {
     /// Size s of the light, a factor on its unit extents; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
     pub size: Option<f64>,
+    /// Place and shape of a lamp that the scene's files do not have, or have elsewhere.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub placed: Option<Placed>,
+    /// What a photographer sets up; it is written for people, and not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub setup: Option<Description>,
 }
 
 /// Writes a number with the digits of an `f32`, which is what pictures are rendered with.
@@ -92,11 +106,14 @@ impl LightsFile {
             exposure: Some(x.exposure),
             view: None,
             background: (!scene.background().is_empty()).then_some(background),
+            without_lights: false,
             lights: settings
                 .map(|((light, &radiance), &size)| LightSetting {
                     name: light.name.clone(),
                     radiance,
                     size: light.has_size().then_some(size),
+                    placed: None,
+                    setup: None,
                 })
                 .collect(),
         }
@@ -121,6 +138,13 @@ impl LightsFile {
             return Err(LightingError::Key { path: path.into(), key: "schema".into(), message });
         }
         Ok(lighting)
+    }
+
+    /// How a scene is loaded that has the lamps which this file places.
+    #[must_use]
+    pub fn load_options(&self, options: LoadOptions) -> LoadOptions {
+        let placed = self.lights.iter().filter_map(|l| Some(l.placed.as_ref()?.spec(&l.name)));
+        LoadOptions { without_lights: self.without_lights, lights: placed.collect(), ..options }
     }
 
     /// Applies the settings to the lighting `x` of a scene; `path` names the file in messages.

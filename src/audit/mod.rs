@@ -6,6 +6,7 @@
 
 pub mod lights;
 pub mod picture;
+pub mod placed;
 pub mod products;
 pub mod stored;
 pub mod unfinished;

@@ -316,8 +316,7 @@ impl ConfinementArgs {
 /// # Errors
 /// Those of [`import::load_with`], or when there are no lights.
 pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
-    let loaded = import::load_with(path, options)?;
-    loaded.warnings.iter().for_each(|warning| say(warning));
+    let loaded = load_any_scene(path, options, say)?;
     if loaded.scene.lights.is_empty() {
         let sidecar = import::find(path)?.with_extension("toml");
         bail!(
@@ -326,6 +325,36 @@ pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> any
         );
     }
     Ok(loaded)
+}
+
+/// As [`load_scene`], also a scene without lights.
+///
+/// # Errors
+/// Those of [`import::load_with`].
+pub fn load_any_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
+    let loaded = import::load_with(path, options)?;
+    loaded.warnings.iter().for_each(|warning| say(warning));
+    Ok(loaded)
+}
+
+/// As [`load_scene`], with the lamps that a `lights.toml` places; returns the scene with the lighting that the
+/// file, or else the scene's author, gives it.
+///
+/// # Errors
+/// Those of [`load_scene`], [`LightsFile::load`] and [`LightsFile::apply`].
+pub fn load_lit_scene(
+    path: &Path,
+    options: LoadOptions,
+    (lights, exposure): (Option<&Path>, Option<f64>),
+    say: impl Fn(&str),
+) -> anyhow::Result<(Loaded, Lighting, Option<ViewTransform>)> {
+    let options = match lights {
+        Some(file) => LightsFile::load(file)?.load_options(options),
+        None => options,
+    };
+    let loaded = load_scene(path, &options, say)?;
+    let (lighting, view) = lighting(&loaded.scene, lights, exposure)?;
+    Ok((loaded, lighting, view))
 }
 
 /// The lighting that a scene's author gave it, with that of a `lights.toml` and an exposure in its

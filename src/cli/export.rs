@@ -9,7 +9,7 @@ use clap::{
 use glam::UVec2;
 
 use super::{
-    common::{CameraArgs, ConfinementArgs, lighting, load_scene, parse_size},
+    common::{CameraArgs, ConfinementArgs, load_lit_scene, parse_size},
     progress::Console,
 };
 use crate::{
@@ -67,8 +67,9 @@ pub struct ExportArgs {
 pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let console = Console::new();
     let options = args.camera.options(args.confinement);
-    let scene = load_scene(&args.scene, &options, |w| console.note(w))?.scene;
-    let (lighting, _) = lighting(&scene, args.lights.as_deref(), None)?;
+    let given = (args.lights.as_deref(), None);
+    let (loaded, lighting, _) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
+    let scene = loaded.scene;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };
     let job = ExportJob { view, lighting: &lighting, max_depth: usize::from(args.max_depth) };

@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::{
     common::{
-        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, lighting, load_scene, parse_exposure,
-        parse_size, parse_spp,
+        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, parse_exposure, parse_size,
+        parse_spp,
     },
     progress::Console,
     signals,
@@ -123,8 +123,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let console = Console::new();
     let result = args.transport.in_pool(|| {
         let options = args.camera.options(args.confinement);
-        let loaded = load_scene(&args.scene, &options, |w| console.note(w))?;
-        let (lighting, view) = lighting(&loaded.scene, args.lights.as_deref(), args.exposure)?;
+        let given = (args.lights.as_deref(), args.exposure);
+        let (loaded, lighting, view) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
         let seen_through = args.view.of_scene(view, &loaded, |w| console.note(w));
         let scene = loaded.scene;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));

@@ -16,7 +16,7 @@ use super::{
     choices::{GRADIENTS, one_of},
     common::{
         CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, ViewArgs, free_kinds,
-        lighting, load_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        lighting, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -28,8 +28,12 @@ use crate::{
         unfinished::{UNFINISHED, Unfinished},
         write_whole,
     },
-    design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable, attainable::Reach},
-    import::{self, Loaded},
+    design::{
+        self, Gradient, Job, Reporter, RunOptions, RunReport, Subject, attainable,
+        attainable::Reach,
+        rig::{self, Order},
+    },
+    import::{self, LoadOptions, Loaded},
     math::Measure,
     photo::Look,
     variables::{FreeKinds, VariableKind},
@@ -112,6 +116,15 @@ pub struct RunArgs {
     /// What may vary [default: the sidecar's, else all]
     #[arg(long, value_name = "KIND,…", value_delimiter = ',', value_parser = free_kinds())]
     pub free: Option<Vec<VariableKind>>,
+
+    /// Place lamps: N at most, and as few as it takes, in the place of the scene's own lights [default: 4
+    /// for a scene that has none]. Where they may stand is said by [movement] in the sidecar
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=12))]
+    pub lamps: Option<u8>,
+
+    /// With --lamps: keep the scene's own lights, and add lamps to them
+    #[arg(long, requires = "lamps")]
+    pub keep: bool,
 
     /// How gradients are found
     #[arg(long, value_parser = one_of(&GRADIENTS), default_value = "basis")]
@@ -216,6 +229,10 @@ fn parse_bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "must be a number of bytes, such as 512M or 2G".to_owned())
 }
 
+/// Lamps at most that are placed in a scene without lights, as many as a portrait is lit with: key, fill, rim
+/// and background.
+const LAMPS: u8 = 4;
+
 /// Width of the working pictures by default, pixels: the noise and the cost of a search are those of this
 /// size, while the gradient term of f_q depends on it.
 const WORK_WIDTH: u32 = 128;
@@ -261,7 +278,9 @@ fn work(
     let console = Console::new();
     let basis_file = root.join(BASIS);
     let done = args.transport.in_pool(|| {
-        let loaded = load_scene(args.scene(), &args.camera.options(args.confinement), |w| console.note(w))?;
+        let without_lights = args.lamps.is_some() && !args.keep;
+        let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
+        let loaded = load_any_scene(args.scene(), &load, |w| console.note(w))?;
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
         let Loaded { scene, constraints, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
@@ -301,9 +320,18 @@ fn work(
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
         };
-        let subject =
-            Subject { scene: &scene, path: &scene_path, authored: &authored, constraints: &constraints };
-        let reports = design::run(subject, &options, &console)?;
+        let (path, authored, constraints) = (scene_path.as_path(), &authored, &constraints);
+        let lamps = args.lamps.or_else(|| scene.lights.is_empty().then_some(LAMPS)).map(usize::from);
+        let reports = match lamps {
+            None => {
+                let subject = Subject { scene: &scene, path, authored, constraints, rig: None };
+                design::run(subject, &options, &console)?
+            }
+            Some(most) => {
+                let order = Order { most, without_lights, path, authored, constraints, options: &options };
+                rig::run(scene, &order, &console)?
+            }
+        };
         if let Some(sidecar) = &staging {
             for job in &jobs {
                 write_whole(&job.out.join(STAGING), sidecar)?;
@@ -315,7 +343,8 @@ fn work(
     let (reports, jobs) = done?;
     if !args.keep_basis && !signals::received() {
         // There is none where gradients are differences.
-        let _ = fs::remove_file(&basis_file);
+        let each = jobs.iter().map(|job| job.out.join(BASIS));
+        each.chain([basis_file]).for_each(|file| drop(fs::remove_file(file)));
     }
     let each = reports.iter().zip(&jobs);
     if args.json {
@@ -365,7 +394,7 @@ pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
 
 /// Report of a look as a JSON object.
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
-    json!({
+    let mut report = json!({
         "target": job.target.name(),
         "f_q_initial": r.initial.evaluation.f_q,
         "f_q": r.check.evaluation.f_q,
@@ -384,7 +413,11 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "caution": r.caution,
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
-    })
+    });
+    if !r.lamps.is_empty() {
+        report["lamps"] = r.lamps.iter().map(|(name, lamp)| json!({"name": name, "setup": lamp})).collect();
+    }
+    report
 }
 
 /// Report of a look as text.
@@ -439,6 +472,14 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     }
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
+    }
+    for (name, lamp) in &r.lamps {
+        let _ = writeln!(
+            text,
+            "{}{name}: {}",
+            if r.lamps[0].0 == *name { "\n" } else { "" },
+            rig::in_words(lamp)
+        );
     }
     let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
     let _ = writeln!(text, "\n{}", out.join(file).display());

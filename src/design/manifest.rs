@@ -77,6 +77,12 @@ struct Options<'a> {
     final_noise: f64,
     denoise: bool,
     free: &'a FreeKinds,
+    /// Lamps at most that the program was to place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lamps: Option<usize>,
+    /// Whether the scene's own lights were kept beside them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    keep: Option<bool>,
     seed: u64,
     max_evaluations: u32,
 }
@@ -154,6 +160,8 @@ pub(super) fn text(
             final_noise: options.final_noise,
             denoise: options.denoise,
             free: &options.free,
+            lamps: setup.rig.map(|rig| rig.most),
+            keep: setup.rig.map(|rig| !rig.without_lights),
             seed: options.seed,
             max_evaluations: options.max_evaluations,
         },

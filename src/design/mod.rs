@@ -26,6 +26,7 @@ mod pictures;
 mod precision;
 mod products;
 pub mod render;
+pub mod rig;
 mod run;
 mod search;
 mod seeds;

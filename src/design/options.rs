@@ -8,9 +8,9 @@ use std::{
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use super::{attainable::Reach, noise::Noise};
+use super::{attainable::Reach, noise::Noise, rig::Rig};
 use crate::{
-    audit::AuditError,
+    audit::{AuditError, placed::Description},
     files::number::Bytes,
     film::{exr::ExrError, image_file::ImageFileError},
     integrator::{Integrator, RenderError},
@@ -55,6 +55,8 @@ pub struct Subject<'a> {
     pub authored: &'a Lighting,
     /// Constraints that the scene's author sets on the variables.
     pub constraints: &'a Constraints,
+    /// Lamps that the program placed; `None` where all lights are the scene's own.
+    pub rig: Option<&'a Rig>,
 }
 
 /// Options of a run.
@@ -124,6 +126,8 @@ pub struct RunReport {
     pub variables: ParamVector,
     /// Values of the variables, in their order.
     pub x: Vec<f64>,
+    /// Lamps that the program placed, by name, with what a photographer sets up.
+    pub lamps: Vec<(String, Description)>,
     /// Number of renders so far in the run, of all sizes.
     pub renders: u64,
     /// Number of evaluations of f_q with its gradient.
@@ -178,6 +182,10 @@ pub enum RunError {
          or make the working pictures smaller with --work-size"
     )]
     Memory { needed: Bytes, allowed: Bytes },
+    #[error("the camera sees nothing of the main object, so that lamps have no subject")]
+    NoSubject,
+    #[error("there is no place for a lamp; allow more of them in [movement]")]
+    NoPlace,
     #[error("cannot write the manifest")]
     Manifest(#[from] toml::ser::Error),
 }

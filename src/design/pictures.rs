@@ -40,7 +40,11 @@ pub(super) fn write_found(
     setup: Setup,
 ) -> Result<(), RunError> {
     let lighting = setup.lighting(u);
-    let file = LightsFile::new(setup.scene, &lighting).seen_through(setup.options.measure.view);
+    let mut file = LightsFile::new(setup.scene, &lighting).seen_through(setup.options.measure.view);
+    if let Some(rig) = setup.rig {
+        rig.describe(&mut file, setup.scene, &lighting);
+        write_whole(&task.job.out.join("plan.svg"), rig.plan(setup.scene, &lighting))?;
+    }
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {
         let view = setup.options.measure.view;

@@ -38,7 +38,7 @@ pub fn run(
     reporter: &impl Reporter,
 ) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    let Subject { scene, constraints, .. } = subject;
+    let Subject { scene, constraints, rig, .. } = subject;
     check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
@@ -66,6 +66,7 @@ pub fn run(
         camera,
         fitted,
         constraints,
+        rig,
         aovs,
         features,
         options,
@@ -245,7 +246,10 @@ fn finish(
         let caution: Vec<String> = degenerate.into_iter().chain(lacking).collect();
         caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
         task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
+        let lighting = setup.lighting(&u);
+        let lamps = setup.rig.map_or_else(Vec::new, |rig| rig.described(setup.scene, &lighting));
         Ok(RunReport {
+            lamps: lamps.into_iter().map(|(lamp, described)| (lamp.name.clone(), described)).collect(),
             initial,
             check,
             last,

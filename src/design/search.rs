@@ -276,7 +276,7 @@ fn estimate(whole: &Evaluator, u: &[f64]) -> Result<JackknifeEstimate, OptimErro
 }
 
 /// Smoothed f_q at the point `u`; infinite if it cannot be evaluated.
-fn value<'a>(evaluator: &Evaluator<'a>, u: &[f64], delta: f64, scratch: &mut Scratch<'a>) -> f64 {
+pub(super) fn value<'a>(evaluator: &Evaluator<'a>, u: &[f64], delta: f64, scratch: &mut Scratch<'a>) -> f64 {
     evaluator.evaluate(u, &Smoothing::with_delta(delta), None, scratch).unwrap_or(f64::INFINITY)
 }
 
@@ -322,7 +322,7 @@ pub fn refine(
 }
 
 /// Descends on the reduced picture with less and less smoothing; returns the end.
-fn descend(
+pub(super) fn descend(
     evaluator: &Evaluator,
     start: &[f64],
     cancelled: &(impl Fn() -> bool + Sync),

@@ -13,6 +13,8 @@ pub(super) enum Purpose {
     Initial,
     /// f_q that is reported.
     Check,
+    /// Samples by which places of lamps are chosen.
+    Places,
 }
 
 /// Seed for a purpose, from the seed of the run.

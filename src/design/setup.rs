@@ -1,6 +1,6 @@
 //! Setup that all looks of a run share, the task of each look, and its result.
 
-use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, render::Renderer};
+use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, render::Renderer, rig::Rig};
 use crate::{
     audit::{RunDir, products::Products},
     camera::Camera,
@@ -32,6 +32,8 @@ pub(super) struct Stage<'a> {
     pub fitted: &'a Fitted,
     /// Constraints that the scene's author sets on the variables.
     pub constraints: &'a Constraints,
+    /// Lamps that the program placed; `None` where all lights are the scene's own.
+    pub rig: Option<&'a Rig>,
     /// Auxiliary pictures of the working size.
     pub aovs: &'a Aovs,
     /// What the camera of the working pictures sees, by which those that are shown are denoised; `None` where

@@ -5,6 +5,7 @@ mod emitters;
 mod light_list;
 mod lights;
 mod materials;
+mod movement;
 mod place;
 mod select;
 mod source;
@@ -18,7 +19,7 @@ use super::{
     gltf,
     imported::Imported,
     obj,
-    sidecar::{CameraName, DEFAULT_CREASE, SCHEMA, Selection, Sidecar},
+    sidecar::{CameraName, DEFAULT_CREASE, LightSpec, LightType, SCHEMA, Selection, Sidecar},
     stage::{self, StageOptions, Staging},
 };
 use crate::{
@@ -39,9 +40,26 @@ pub struct LoadOptions {
     pub confine: bool,
     /// The camera of the scene file that is taken, whatever the sidecar says; `None` for the sidecar's.
     pub camera: Option<CameraName>,
+    /// Whether the lights of the sidecar and the scene file are left out, but for materials that emit.
+    pub without_lights: bool,
+    /// Lights that are added, or take the place of those of the same name, with the file that names them in
+    /// messages.
+    pub lights: Vec<LightSpec>,
 }
 
 impl LoadOptions {
+    /// Changes the lights of a scene file and its sidecar as is asked for.
+    fn change_lights(&self, sidecar: &mut Sidecar, imported: &mut Imported) {
+        if self.without_lights {
+            sidecar.lights.retain(|light| light.kind == Some(LightType::Mesh));
+            imported.lights.clear();
+        }
+        let is_replaced = |name: &str| self.lights.iter().any(|light| light.name == name);
+        sidecar.lights.retain(|light| !is_replaced(&light.name));
+        imported.lights.retain(|light| !is_replaced(&light.name));
+        sidecar.lights.extend(self.lights.iter().cloned());
+    }
+
     /// What the scene file at `path` may read.
     fn reach(&self, path: &Path) -> Result<Reach, ImportError> {
         if self.confine { Ok(Reach::confined(path)?) } else { Ok(Reach::anywhere()) }
@@ -212,6 +230,9 @@ impl Source<'_> {
         sidecar: &Sidecar,
         mut imported: Imported,
     ) -> Result<Loaded, ImportError> {
+        let mut sidecar = sidecar.clone();
+        options.change_lights(&mut sidecar, &mut imported);
+        let sidecar = &sidecar;
         self.place(sidecar, &mut imported)?;
         Self { origin: imported.origin, ..self.clone() }.build_placed(options, sidecar, imported)
     }
@@ -242,6 +263,7 @@ impl Source<'_> {
             free: sidecar.free.clone(),
             lights: light_constraints,
             value_range: self.value_range(sidecar)?,
+            movement: self.movement(&sidecar.movement)?,
         };
         let name = self.scene_path.file_stem().map_or("scene".into(), |s| s.to_string_lossy());
         let scene =

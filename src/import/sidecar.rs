@@ -6,7 +6,7 @@
 use std::{collections::BTreeMap, fmt, path::Path};
 
 use serde::{
-    Deserialize, Deserializer,
+    Deserialize, Deserializer, Serialize,
     de::{Error, Unexpected, Visitor},
 };
 
@@ -52,6 +52,9 @@ pub struct Sidecar {
     /// Materials that are the background, and bounds of its value.
     #[serde(default)]
     pub background: BackgroundSpec,
+    /// Region in which lamps may be placed.
+    #[serde(default)]
+    pub movement: MovementSpec,
     /// Lights besides those of a glTF and the materials that emit.
     #[serde(default)]
     pub lights: Vec<LightSpec>,
@@ -173,8 +176,28 @@ pub struct BackgroundSpec {
     pub value_range: Option<[f64; 2]>,
 }
 
+/// `[movement]`: the region in which lamps may be placed, seen from the middle of the main object. What is not
+/// given has the defaults of [`Movement`](crate::variables::Movement).
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovementSpec {
+    /// Least and largest angle about the subject, degrees to the right of the camera in the picture.
+    pub azimuth: Option<[f64; 2]>,
+    /// Least and largest angle above the subject's middle, degrees.
+    pub elevation: Option<[f64; 2]>,
+    /// Least and largest distance from the subject's middle, metres.
+    pub distance: Option<[f64; 2]>,
+    /// Least and largest height above the floor, metres.
+    pub height: Option<[f64; 2]>,
+    /// Distance that a lamp keeps from the subject and from all surfaces before it, metres.
+    pub clearance: Option<f64>,
+    /// Whether lamps may stand in the picture; `false` by default.
+    #[serde(default)]
+    pub in_frame: bool,
+}
+
 /// `type` of a light. A new one needs a name here and a shape in the scene's builder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LightType {
     /// Rectangle that emits from one side.
@@ -261,6 +284,35 @@ pub struct LightSpec {
     pub occludes: bool,
     /// Kinds of variables of this light that may be free, among those of the whole file.
     pub free: Option<FreeKinds>,
+}
+
+impl LightSpec {
+    /// A light of which nothing but the name is given.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.into(),
+            kind: None,
+            position: None,
+            look_at: None,
+            up: None,
+            half_extents: None,
+            radius: None,
+            angle: None,
+            softness: None,
+            image: None,
+            rotation: None,
+            material: None,
+            size: None,
+            size_range: None,
+            radiance: None,
+            radiance_max: None,
+            color: None,
+            camera_visible: yes(),
+            occludes: false,
+            free: None,
+        }
+    }
 }
 
 /// `[materials.NAME]`: overrides of a material of the scene file.

@@ -44,6 +44,9 @@ pub use sample::{Crossing, LightLeSample, LightLiSample, LightPoint};
 pub use size::SizeDensity;
 pub use sphere::Sphere;
 
+/// Luminous efficacy by which exporters turn watts into lumens, lm/W: that of light of 555 nm.
+pub const LUMENS_PER_WATT: f32 = 683.0;
+
 /// Index of a light among those of its scene.
 pub type LightId = u32;
 

@@ -1,6 +1,6 @@
 //! One-sided rectangle and disk, with an optional cone (a spot).
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{Vec2, Vec3};
 
@@ -40,6 +40,13 @@ impl Edge {
 }
 
 impl Cone {
+    /// A cone of half-angle `angle`, radians, at most a right angle, of which the share `softness` is soft edge.
+    #[must_use]
+    pub fn with_edge(angle: f32, softness: f32) -> Self {
+        let cos = |a: f32| a.min(FRAC_PI_2).cos().max(0.0);
+        Self { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle), edge: Edge::Smooth }
+    }
+
     /// Radiance relative to that along the axis, where `cos_theta` is the cosine of the angle from it.
     #[must_use]
     pub fn profile(&self, cos_theta: f32) -> f32 {

@@ -39,6 +39,22 @@ fn uniform(org: Vec3, dir: Vec3, prim: u32) -> f32 {
     ((h >> 40) as f32 + 1.0) / (1 << 24) as f32
 }
 
+/// Gives lights at infinity their surroundings; returns the mesh light that the triangles of each material
+/// belong to.
+fn furnish(lights: &mut [Light], mesh: &Mesh, n_materials: usize, camera: Vec3) -> Vec<Option<LightId>> {
+    let surroundings = mesh.surroundings(camera);
+    let mut emitters = vec![None; n_materials];
+    for (i, light) in lights.iter_mut().enumerate() {
+        light.surround(surroundings);
+        if let Shape::Mesh(shape) = &light.shape {
+            for prim in shape.prims() {
+                emitters[mesh.materials[prim as usize] as usize] = Some(i as LightId);
+            }
+        }
+    }
+    emitters
+}
+
 /// A scene ready to render.
 #[derive(Debug)]
 pub struct Scene {
@@ -120,38 +136,48 @@ impl Scene {
         camera: Camera,
     ) -> Result<Self, EmbreeError> {
         let accel = Accel::build(&[TriangleMesh { positions: &mesh.positions, indices: &mesh.indices }])?;
-        let surroundings = mesh.surroundings(camera.position);
-        let mut lights = lights;
-        let mut emitters = vec![None; materials.len()];
-        for (i, light) in lights.iter_mut().enumerate() {
-            light.surround(surroundings);
-            if let Shape::Mesh(shape) = &light.shape {
-                for prim in shape.prims() {
-                    emitters[mesh.materials[prim as usize] as usize] = Some(i as LightId);
-                }
-            }
-        }
-        let light_clearances: Vec<f32> =
-            lights.iter().map(|l| visibility::clearance_over(l, &mesh)).collect();
-        let room = |(l, &clearance)| visibility::room_about(l, clearance, &mesh);
-        Ok(Self {
-            emitters,
+        let scene = Self {
+            emitters: Vec::new(),
             is_background: vec![false; materials.len()],
             is_translucent: materials.iter().any(Material::is_translucent),
-            n_occluders: lights.iter().filter(|l| l.occludes).count(),
-            light_rooms: lights.iter().zip(&light_clearances).map(room).collect(),
-            light_clearances,
+            n_occluders: 0,
+            light_clearances: Vec::new(),
+            light_rooms: Vec::new(),
             name: name.to_owned(),
             accel,
             is_main: vec![true; mesh.indices.len()],
             mesh,
             materials,
-            lights,
+            lights: Vec::new(),
             camera,
             exposure: 1.0,
             origin: DVec3::ZERO,
             background: Vec::new(),
-        })
+        };
+        Ok(scene.with_lights(lights))
+    }
+
+    /// The scene with other lights in the place of its own. Lights that are meshes are parts of its triangles.
+    #[must_use]
+    pub fn with_lights(self, lights: Vec<Light>) -> Self {
+        let mut scene = self.with_clear_lights(lights);
+        let mesh = &scene.mesh;
+        scene.light_clearances = scene.lights.iter().map(|l| visibility::clearance_over(l, mesh)).collect();
+        let room = |(l, &clearance)| visibility::room_about(l, clearance, mesh);
+        scene.light_rooms = scene.lights.iter().zip(&scene.light_clearances).map(room).collect();
+        scene
+    }
+
+    /// As [`Self::with_lights`], for many lights that are known to be clear of every surface: no time is spent
+    /// on finding how clear, and rays to them are traced from both ends.
+    #[must_use]
+    pub fn with_clear_lights(mut self, mut lights: Vec<Light>) -> Self {
+        self.emitters = furnish(&mut lights, &self.mesh, self.materials.len(), self.camera.position);
+        self.n_occluders = lights.iter().filter(|l| l.occludes).count();
+        self.light_clearances = vec![0.0; lights.len()];
+        self.light_rooms = vec![None; lights.len()];
+        self.lights = lights;
+        self
     }
 
     /// The scene with the materials of these indices as its background: the background's value scales

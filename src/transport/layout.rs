@@ -24,6 +24,12 @@ impl LightCells {
     pub fn n_cells(&self) -> usize {
         self.knots.as_ref().map_or(1, Knots::len)
     }
+
+    /// Indices of the light's cells among those of all lights.
+    #[must_use]
+    pub fn cells(&self) -> std::ops::Range<usize> {
+        self.first_cell..self.first_cell + self.n_cells()
+    }
 }
 
 /// Film size, cells and nodes of the tables of a basis: what it keeps apart.
@@ -87,6 +93,18 @@ impl Layout {
         if self.planes == 1 { 1 } else { replicates }
     }
 
+    /// Layout for some of the lights, in the order in which they are given.
+    #[must_use]
+    pub fn of_lights(&self, lights: &[usize]) -> Self {
+        let mut first_cell = 0;
+        let chosen = lights.iter().map(|&l| {
+            let cells = LightCells { first_cell, ..self.lights[l].clone() };
+            first_cell += cells.n_cells();
+            cells
+        });
+        Self { lights: chosen.collect(), nodes: self.nodes.clone(), ..*self }
+    }
+
     /// Number of pixels.
     #[must_use]
     pub fn n_pixels(&self) -> usize {
@@ -110,6 +128,12 @@ impl Layout {
     #[must_use]
     pub fn table_memory(&self, replicates: usize) -> u64 {
         self.table_bytes() * (replicates + COLOURS * self.n_colour_tables(replicates)) as u64
+    }
+
+    /// Memory of the tables of a basis of `replicates` replicates for searches, bytes.
+    #[must_use]
+    pub fn search_memory(&self, replicates: usize) -> u64 {
+        self.table_bytes() * (replicates * self.planes) as u64
     }
 
     /// Memory of a table with one number per pixel, cell and node, bytes.

@@ -127,6 +127,37 @@ impl TransportBasis {
         Self { luminance, colour, n_samples: 0, weight: 1, taken: 0, layout }
     }
 
+    /// A basis without samples for searches, without the colour of all replicates.
+    #[must_use]
+    pub fn for_search(layout: Layout, replicates: usize) -> Self {
+        let n = layout.n_rows() * layout.n_pixels();
+        let tables =
+            |channels: usize| (0..replicates).into_par_iter().map(|_| vec![0.0; channels * n]).collect();
+        let colour = if layout.planes == 1 { Vec::new() } else { tables(COLOURS) };
+        Self { luminance: tables(1), colour, n_samples: 0, weight: 1, taken: 0, layout }
+    }
+
+    /// The basis of some of its lights, in the order in which they are given, without the colour of all replicates.
+    #[must_use]
+    pub fn of_lights(&self, lights: &[usize]) -> Self {
+        let layout = self.layout.of_lights(lights);
+        let length = self.layout.nodes.len() * self.width();
+        let cells: Vec<usize> = lights.iter().flat_map(|&l| self.layout.lights[l].cells()).collect();
+        let select = |table: &Vec<f32>, channels: usize| {
+            let (length, n) = (channels * length, channels * layout.n_rows() * layout.n_pixels());
+            let mut out = Vec::with_capacity(n);
+            for y in 0..layout.size.y as usize {
+                let line = self.line(table, channels, y);
+                cells.iter().for_each(|cell| out.extend_from_slice(&line[cell * length..][..length]));
+            }
+            out
+        };
+        let luminance = self.luminance.iter().map(|table| select(table, 1)).collect();
+        let of_each = if layout.planes == 1 { &[][..] } else { &self.colour };
+        let colour = of_each.iter().map(|table| select(table, COLOURS)).collect();
+        Self { luminance, colour, layout, ..*self }
+    }
+
     /// Film size, cells and nodes of the tables.
     #[must_use]
     pub fn layout(&self) -> &Layout {

@@ -246,7 +246,7 @@ fn colour_row(layout: &Layout, row: usize, colour: usize) -> usize {
 }
 
 impl TransportBasis {
-    fn width(&self) -> usize {
+    pub(super) fn width(&self) -> usize {
         self.layout.size.x as usize
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::VariableKind;
+use super::{Movement, VariableKind};
 
 /// Kinds of variables that are free.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,6 +45,8 @@ pub struct Constraints {
     pub lights: Vec<LightConstraints>,
     /// Bounds of the background's value; `None` for those that the materials set.
     pub value_range: Option<[f32; 2]>,
+    /// Region in which lamps may be placed.
+    pub movement: Movement,
 }
 
 /// Freedom and bounds of the variables of a light.

@@ -140,6 +140,12 @@ pub struct MatchedStart<'a> {
 pub struct VariableKind(pub(super) &'static dyn Kind);
 
 impl VariableKind {
+    /// Whether each light has a variable of this kind of its own.
+    #[must_use]
+    pub fn is_of_light(self) -> bool {
+        self.owner() == Owner::Light
+    }
+
     /// Name of the variable of this kind that a light, or the scene, has.
     #[must_use]
     pub fn variable_name(self, light: &str) -> String {

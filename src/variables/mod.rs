@@ -8,6 +8,7 @@ mod background;
 pub mod bounds;
 mod constraints;
 mod kind;
+mod movement;
 mod radiance;
 mod range;
 mod size;
@@ -17,6 +18,7 @@ mod variable;
 
 pub use constraints::{Constraints, FreeKinds, LightConstraints};
 pub use kind::{BasisRanges, Kind, Limits, MatchedStart, Owner, SizeBounds, SurveyedScene, VariableKind};
+pub use movement::Movement;
 pub use range::{Range, Scale};
 pub use survey::{Fitted, Survey, SurveyError};
 pub use table::KINDS;

@@ -84,10 +84,18 @@ impl Fitted {
     /// # Errors
     /// When there are no lights, or a light touches a surface at any size.
     pub fn new(view: View, authored: &Lighting, constraints: &Constraints) -> Result<Self, SurveyError> {
-        let scene = view.scene;
-        if scene.lights.is_empty() {
+        if view.scene.lights.is_empty() {
             return Err(SurveyError::NoLights);
         }
+        Self::of_any(view, authored, constraints)
+    }
+
+    /// As [`Self::new`], also for a scene without lights, which lamps are to be added to.
+    ///
+    /// # Errors
+    /// When a light touches a surface at any size.
+    pub fn of_any(view: View, authored: &Lighting, constraints: &Constraints) -> Result<Self, SurveyError> {
+        let scene = view.scene;
         let found: Vec<SizeBounds> =
             scene.lights.par_iter().map(|light| bounds::size_range(view, light)).collect();
         let value_range = value_range(scene, constraints.value_range);

@@ -23,6 +23,7 @@ mod reach;
 mod reliability;
 mod render;
 mod resume;
+mod rig;
 mod room;
 mod run;
 mod sidecar;

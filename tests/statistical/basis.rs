@@ -152,7 +152,7 @@ fn feathered(source: Source, layout: &Layout, x: &Lighting, spp: u32) -> Vec<f64
     film.luminance.iter().map(|v| v / f64::from(spp)).collect()
 }
 
-fn recombined(basis: &TransportBasis, x: &Lighting) -> Vec<Vec<f64>> {
+pub fn recombined(basis: &TransportBasis, x: &Lighting) -> Vec<Vec<f64>> {
     let r = Recombination::new(basis.layout(), x);
     (0..basis.n_replicates())
         .map(|i| {
@@ -303,7 +303,7 @@ fn lightings_rendered_together_equal_renders_of_each() {
 }
 
 /// Worst deviate of a pixel and that of the picture, Student-corrected.
-fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
+pub fn compare(a: &[Vec<f64>], b: &[Vec<f64>]) -> (f64, f64) {
     let moments = |images: &[Vec<f64>], f: &dyn Fn(&Vec<f64>) -> f64| {
         let mut m = Moments::default();
         images.iter().for_each(|i| m.push(f(i)));

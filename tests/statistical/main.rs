@@ -13,6 +13,7 @@ mod noise;
 mod opaque;
 mod pilot;
 mod render_errors;
+mod rig;
 mod spawn;
 mod surroundings;
 mod transport;

@@ -4,11 +4,7 @@
 //! [`LightType`](crate::import::sidecar::LightType): its keys in `keys_of`, its shape in
 //! `LightReader::shape`.
 
-use std::{
-    f32::consts::{FRAC_PI_2, PI},
-    path::Path,
-    sync::Arc,
-};
+use std::{f32::consts::PI, path::Path, sync::Arc};
 
 use glam::{DVec3, Vec3};
 
@@ -28,8 +24,8 @@ use crate::{
         sidecar::{LightSpec, LightType},
     },
     light::{
-        Cone, Distant, Edge, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere,
-        Surroundings, look_frame,
+        Cone, Distant, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere, Surroundings,
+        look_frame,
     },
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
@@ -308,7 +304,7 @@ impl<'a> LightReader<'a> {
         }
         let softness = l.softness.or(own_softness.map(f64::from)).unwrap_or(DEFAULT_SOFTNESS);
         let softness = self.source.fraction(&self.key("softness"), softness)?;
-        let cone = cone((angle as f32).to_radians(), softness);
+        let cone = Cone::with_edge((angle as f32).to_radians(), softness);
         Ok(Cone { edge: own.map_or(cone.edge, |c| c.edge), ..cone })
     }
 
@@ -433,12 +429,6 @@ pub fn punctual(l: &ImportedLight) -> Light {
 /// Parallel light along a unit direction; the scene gives it its surroundings.
 fn distant(direction: Vec3) -> Shape {
     Shape::Distant(Distant { direction, scene: Surroundings::default() })
-}
-
-/// A cone of half-angle `angle`, radians, of which the share `softness` is soft edge.
-fn cone(angle: f32, softness: f32) -> Cone {
-    let cos = |a: f32| a.min(FRAC_PI_2).cos().max(0.0);
-    Cone { cos_inner: cos(angle * (1.0 - softness)), cos_outer: cos(angle), edge: Edge::Smooth }
 }
 
 /// An image of half the width and height, both even: means over 2 × 2 pixels.

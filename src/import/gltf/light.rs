@@ -17,12 +17,10 @@ use crate::{
         range,
         warnings::Warnings,
     },
-    light::{Cone, Edge},
+    light::{Cone, Edge, LUMENS_PER_WATT},
     math::Rgb,
 };
 
-/// Luminous efficacy by which exporters turn watts into lumens, lm/W: that of light of 555 nm.
-const LUMENS_PER_WATT: f32 = 683.0;
 /// Smallest outer cone angle, radians: a narrower cone's solid angle π·10⁻⁶ sr drowns in rounding.
 const MIN_CONE_ANGLE: f32 = 1e-3;
 

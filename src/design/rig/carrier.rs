@@ -1,0 +1,329 @@
+//! Carriers: the lamps among which a rig is chosen, all in one transport basis.
+//!
+//! Lamps do not block light, so that lamps superpose exactly, also lamps that do not exist yet: *where* a lamp
+//! stands is one more thing that a basis keeps apart. A carrier is a set of lamps, each a light of the scene
+//! like any other, of which the basis holds the luminance of a coarse picture at unit radiance. Every rig of
+//! some of them is then a weighted sum of a few rows of the tables.
+
+use glam::UVec2;
+use rayon::prelude::*;
+
+use super::lamp::Lamp;
+use crate::{
+    camera::Camera,
+    design::{Reporter, RunError, RunOptions, evaluator::Evaluator, observer::Unstoppable, render::Renderer},
+    files::number::Bytes,
+    film::Picture,
+    integrator::{View, aov},
+    lighting::{Lighting, SampleCounts, SamplingPlan},
+    math::Measure,
+    objective::{Objective, ObjectiveError, Target},
+    scene::Scene,
+    transport::{Layout, Recombination, SizeBins, Source, Tables, TransportBasis, ValueNodes, splat_memory},
+    variables::{Constraints, Fitted, FreeKinds, LightConstraints, Owner, ParamVector, Survey, Variable},
+};
+
+/// Replicates of a carrier: the least from which noise bias can be corrected.
+const REPLICATES: usize = 2;
+/// Factors by which the picture is smaller than the working picture in both directions: the first that fits
+/// the memory allowed.
+const REDUCTIONS: [u32; 3] = [2, 3, 4];
+/// Factor by which the pictures of [`Carrier::reduced`] are smaller again.
+const REDUCED_AGAIN: u32 = 2;
+/// Share of the lamps that a vertex where the camera sees samples, as its inverse, and a later one.
+const SAMPLED: [usize; 2] = [8, 32];
+/// Camera subpaths for each light subpath: next-event estimation finds nearly everything that large lamps in
+/// the open light.
+const CAMERA_SUBPATHS: u32 = 8;
+
+/// Lamps with their pictures at unit radiance.
+#[derive(Debug)]
+pub struct Carrier {
+    /// Number of the scene's own lights, which come before the lamps in everything that is by light.
+    pub n_own: usize,
+    /// The lamps.
+    pub lamps: Vec<Lamp>,
+    /// Tables of the own lights and of the lamps.
+    basis: TransportBasis,
+    /// The same of pictures reduced by [`REDUCED_AGAIN`].
+    reduced: TransportBasis,
+    /// Variables of all lights, in their order, then those of the scene.
+    variables: Vec<Variable>,
+    /// Lighting in which all lamps are off.
+    fixed: Lighting,
+    measure: Measure,
+    /// Mask of the main object in the pictures, and in the reduced ones.
+    masks: [(UVec2, Vec<bool>); 2],
+}
+
+/// Some lights of a carrier with their variables.
+#[derive(Debug)]
+pub struct Part {
+    basis: TransportBasis,
+    /// Variables of the lights in their order, then those of the scene.
+    pub variables: ParamVector,
+    fixed: Lighting,
+    measure: Measure,
+}
+
+impl Part {
+    /// f_q of the lights as a function of their variables.
+    #[must_use]
+    pub fn evaluator<'a>(&'a self, objective: &'a Objective) -> Evaluator<'a> {
+        Evaluator {
+            basis: &self.basis,
+            halves: &self.basis,
+            objective,
+            variables: &self.variables,
+            fixed: &self.fixed,
+            measure: self.measure,
+            least_sizes: &[],
+        }
+    }
+
+    /// Radiance of each light, and the background's value, at the point `u` of the unit cube.
+    #[must_use]
+    pub fn lighting(&self, u: &[f64]) -> Lighting {
+        self.variables.lighting(self.fixed.clone(), &self.variables.decode(u))
+    }
+}
+
+/// What a carrier is rendered for.
+#[derive(Clone, Copy, Debug)]
+pub struct Commission<'a> {
+    /// The scene's own lighting, which the lamps are added to.
+    pub own: &'a Fitted,
+    /// Constraints of the scene's author.
+    pub constraints: &'a Constraints,
+    /// Options of the run.
+    pub options: &'a RunOptions,
+    /// Samples that every lamp has in a pixel, all replicates together.
+    pub samples: u32,
+    /// Seed of the samples.
+    pub seed: u64,
+}
+
+impl Carrier {
+    /// Renders the tables of some lamps. Returns them with the scene, which has the lamps as its last lights.
+    ///
+    /// # Errors
+    /// When the tables need more memory than is allowed, or the render fails.
+    pub fn render(
+        scene: Scene,
+        lamps: Vec<Lamp>,
+        commission: Commission,
+        reporter: &impl Reporter,
+    ) -> Result<(Self, Scene), RunError> {
+        let Commission { own, constraints, options, samples, seed } = commission;
+        let n_own = own.lighting.n_lights();
+        let mut lights = scene.lights[..n_own].to_vec();
+        lights.extend(lamps.iter().enumerate().map(|(i, lamp)| lamp.light(format!("place {}", i + 1))));
+        let scene = scene.with_clear_lights(lights);
+        let fitted = with_lamps(own, lamps.len());
+        let counts = SampleCounts {
+            first_light_samples: (scene.lights.len() / SAMPLED[0]).clamp(6, 96) as u32,
+            light_samples: (scene.lights.len() / SAMPLED[1]).clamp(3, 24) as u32,
+            camera_subpaths: CAMERA_SUBPATHS,
+            ..SampleCounts::default()
+        };
+        let spp =
+            (samples as usize * scene.lights.len()).div_ceil(counts.first_light_samples as usize) as u32;
+        let (layout, nodes) = plan(&scene, &fitted, options, counts, spp, reporter)?;
+        let camera = scene.camera.resized(layout.size);
+        let view = View { scene: &scene, camera: &camera };
+        let sampling =
+            SamplingPlan { largest_value: nodes as f32, counts, ..SamplingPlan::uniform(&fitted.lighting) };
+        let renderer =
+            Renderer { integrator: options.integrator, sampler: options.sampler, measure: options.measure };
+        reporter.stage("rendering the places of lamps", Some(u64::from(layout.size.y) * REPLICATES as u64));
+        let mut basis = TransportBasis::for_search(layout, REPLICATES);
+        let source = Source {
+            view,
+            plan: &sampling,
+            integrator: &renderer.integrator,
+            sampler: renderer.sampler,
+            seed,
+        };
+        basis.render(source, spp.div_ceil(REPLICATES as u32), &Unstoppable(reporter))?;
+        let mut reduced = basis.reduced(REDUCED_AGAIN);
+        let mut masks = [&basis, &reduced].map(|b| mask(&scene, &camera, b.layout().size));
+        let has_both = |mask: &[bool]| mask.contains(&true) && mask.contains(&false);
+        if !has_both(&masks[1].1) {
+            (reduced, masks[1]) = (basis.clone(), masks[0].clone());
+        }
+        let variables = variables(&scene, &fitted, constraints, options, &reduced);
+        let fixed = dark(&fitted.lighting, n_own);
+        let measure = options.measure;
+        let carrier = Self { n_own, lamps, basis, reduced, variables, fixed, measure, masks };
+        Ok((carrier, scene))
+    }
+
+    /// Objectives of a target for the pictures, and for the reduced ones.
+    ///
+    /// # Errors
+    /// When object or background are too small.
+    pub fn objectives(&self, target: &Target) -> Result<[Objective; 2], ObjectiveError> {
+        let [whole, reduced] = &self.masks;
+        let of = |(size, mask): &(UVec2, Vec<bool>)| {
+            Objective::new(target, size.x as usize, size.y as usize, mask)
+        };
+        Ok([of(whole)?, of(reduced)?])
+    }
+
+    /// Indices of the lamps that light some of the picture, among all lights.
+    #[must_use]
+    pub fn candidates(&self) -> Vec<usize> {
+        let has_variable = |l: &usize| self.of_light(*l).next().is_some();
+        (self.n_own..self.n_own + self.lamps.len()).filter(has_variable).collect()
+    }
+
+    fn of_light(&self, light: usize) -> impl Iterator<Item = &Variable> {
+        self.variables.iter().filter(move |v| v.kind.owner() == Owner::Light && v.light == light)
+    }
+
+    /// Some of the lights, by their indices.
+    #[must_use]
+    pub fn part(&self, lights: &[usize]) -> Part {
+        self.part_of(&self.basis, lights)
+    }
+
+    /// Some of the lights in reduced pictures.
+    #[must_use]
+    pub fn reduced_part(&self, lights: &[usize]) -> Part {
+        self.part_of(&self.reduced, lights)
+    }
+
+    fn part_of(&self, basis: &TransportBasis, lights: &[usize]) -> Part {
+        let of_lights = lights
+            .iter()
+            .enumerate()
+            .flat_map(|(k, &light)| self.of_light(light).map(move |v| Variable { light: k, ..v.clone() }));
+        let of_scene = self.variables.iter().filter(|v| v.kind.owner() != Owner::Light).cloned();
+        let fixed = Lighting {
+            radiance: lights.iter().map(|&l| self.fixed.radiance[l]).collect(),
+            size: lights.iter().map(|&l| self.fixed.size[l]).collect(),
+            ..self.fixed
+        };
+        Part {
+            basis: basis.of_lights(lights),
+            variables: ParamVector { variables: of_lights.chain(of_scene).collect() },
+            fixed,
+            measure: self.measure,
+        }
+    }
+
+    /// Mean luminance that each of some lights brings to the object and to the background of the picture.
+    #[must_use]
+    pub fn means(&self, lights: &[usize], radiance: &[f64]) -> Vec<[f64; 2]> {
+        let (_, mask) = &self.masks[0];
+        let on = mask.iter().filter(|m| **m).count().max(1) as f64;
+        let off = (mask.len() as f64 - on).max(1.0);
+        let of = |(&light, &radiance): (&usize, &f64)| {
+            let image = unit_image(&self.basis, &self.fixed, light);
+            let sum = |main: bool| -> f64 {
+                image.iter().zip(mask).filter(|(_, m)| **m == main).map(|(y, _)| y * radiance).sum()
+            };
+            [sum(true) / on, sum(false) / off]
+        };
+        lights.iter().zip(radiance).map(of).collect()
+    }
+}
+
+/// The lighting and sizes of the own lights with those of `n` lamps added, at size and radiance 1.
+fn with_lamps(own: &Fitted, n: usize) -> Fitted {
+    let mut fitted = own.clone();
+    fitted.lighting.radiance.extend(vec![1.0; n]);
+    fitted.lighting.size.extend(vec![1.0; n]);
+    // Nothing of a carrier has a free size.
+    fitted.sizes = vec![None; fitted.lighting.n_lights()];
+    fitted
+}
+
+/// The lighting with all lamps off.
+fn dark(lighting: &Lighting, n_own: usize) -> Lighting {
+    let mut lighting = lighting.clone();
+    lighting.radiance[n_own..].fill(0.0);
+    lighting
+}
+
+/// Layout of the tables within the memory allowed, with the largest value of the background.
+fn plan(
+    scene: &Scene,
+    fitted: &Fitted,
+    options: &RunOptions,
+    counts: SampleCounts,
+    spp: u32,
+    reporter: &impl Reporter,
+) -> Result<(Layout, f64), RunError> {
+    let nodes = match (options.free.contains("background"), fitted.value_range) {
+        (true, Some(_)) => ValueNodes::new(f64::from(fitted.largest_value()), options.integrator.max_depth),
+        _ => ValueNodes::new(fitted.lighting.value, 1),
+    };
+    let largest = nodes.values()[0];
+    let mut needed = 0;
+    for factor in REDUCTIONS {
+        let size = (options.work_size / factor).max(UVec2::ONE);
+        let bins = fitted.lighting.size.iter().map(|&s| SizeBins::Fixed(s as f32)).collect();
+        let layout = Layout::new(size, bins, nodes.clone()).with_planes(options.measure.n_planes());
+        let subpaths =
+            options.integrator.kind.light_subpaths(u64::from(size.element_product() * spp), counts);
+        let splats = splat_memory(&layout, subpaths, options.integrator.max_depth);
+        // Tables, and those of a quarter of the pixels.
+        needed = layout.search_memory(REPLICATES) * 5 / 4 + splats;
+        if needed <= options.memory {
+            reporter.note(&format!(
+                "places of lamps: {} in {} x {} pixels, {} value nodes, {REPLICATES} replicates, {spp} samples a pixel, {}",
+                scene.lights.len(),
+                size.x,
+                size.y,
+                layout.nodes.len(),
+                Bytes(needed)
+            ));
+            return Ok((layout, largest));
+        }
+    }
+    Err(RunError::Memory { needed: Bytes(needed), allowed: Bytes(options.memory) })
+}
+
+/// Mask of the main object in pictures of a size.
+fn mask(scene: &Scene, camera: &Camera, size: UVec2) -> (UVec2, Vec<bool>) {
+    let camera = camera.resized(size);
+    (size, aov::trace(View { scene, camera: &camera }, 1.0).mask)
+}
+
+/// Mean over the replicates of the picture of a light alone, at unit radiance.
+fn unit_image(basis: &TransportBasis, fixed: &Lighting, light: usize) -> Vec<f64> {
+    let one = basis.of_lights(&[light]);
+    let x = Lighting { radiance: vec![1.0], size: vec![fixed.size[light]], ..*fixed };
+    let r = Recombination::new(one.layout(), &x);
+    let mut sum = vec![0.0; one.layout().n_pixels()];
+    let mut image = sum.clone();
+    for replicate in 0..one.n_replicates() {
+        one.luminance(replicate, &r, &mut image);
+        sum.iter_mut().zip(&image).for_each(|(s, v)| *s += v / one.n_replicates() as f64);
+    }
+    sum
+}
+
+/// Variables of all lights and of the scene, but for sizes. Lamps that light nothing have none.
+fn variables(
+    scene: &Scene,
+    fitted: &Fitted,
+    constraints: &Constraints,
+    options: &RunOptions,
+    basis: &TransportBasis,
+) -> Vec<Variable> {
+    let n = fitted.lighting.n_lights();
+    let size = basis.layout().size.to_array().map(|n| n as usize);
+    let grey = |l: usize| -> Vec<[f32; 3]> {
+        unit_image(basis, &fitted.lighting, l).into_iter().map(|y| [y as f32; 3]).collect()
+    };
+    let unit = Picture::of_lights(size, (0..n).into_par_iter().map(grey).collect());
+    let mut constraints = constraints.clone();
+    let lamp = LightConstraints { is_from_file: true, ..LightConstraints::default() };
+    constraints.lights.resize(n, lamp);
+    constraints.lights.iter_mut().for_each(|light| light.is_from_file = true);
+    let free = FreeKinds(options.free.0.iter().copied().filter(|kind| kind.keyword() != "size").collect());
+    let survey = Survey::new(scene, fitted, &constraints, &free, options.measure, &unit);
+    survey.variables().map(|vector| vector.variables).unwrap_or_default()
+}

@@ -1,0 +1,237 @@
+//! Choice of a rig: which of a carrier's lamps, and how bright.
+//!
+//! From darkness, or from the scene's own lights, lamps are added one by one. A lamp's price is the least f_q over
+//! a few radiances of it with the others as they are or weaker: in a black picture most derivatives vanish, and
+//! f_q is not convex. The cheapest descend in all radiances; several rigs of each number go on. Then each lamp
+//! in turn is exchanged for every other one while f_q falls. A rig has as few lamps as it takes: each must gain
+//! more than the tolerance.
+
+use rayon::prelude::*;
+
+use super::carrier::{Carrier, Part};
+use crate::{
+    design::{
+        evaluator::Scratch,
+        search::{descend, value},
+    },
+    objective::{Objective, Smoothing},
+    optim::OptimError,
+};
+
+/// Radiances at which a lamp is priced, in the optimiser's units: the middle ones show what it lights at half
+/// to nine tenths of white.
+const LEVELS: [f64; 6] = [0.1, 0.18, 0.27, 0.38, 0.52, 0.7];
+/// Factors on the optimiser's values of the other lamps' radiances at which a lamp is priced.
+const OTHERS: [f64; 2] = [1.0, 0.7];
+/// Values of the background at which a first lamp is priced, in the optimiser's units.
+const VALUES: [f64; 3] = [0.08, 0.35, 0.8];
+/// Smoothing of f_q at which lamps are priced.
+const PRICED: Smoothing = Smoothing::with_delta(0.02);
+/// Rigs of each number of lamps that go on.
+const RIGS: usize = 3;
+/// Lamps that are tried with each of them: the cheapest.
+const TRIED: usize = 6;
+/// Lamps that are tried in the place of another.
+const EXCHANGED: usize = 4;
+/// Rounds of exchanges at most: each needs a gain.
+const MAX_EXCHANGES: usize = 6;
+/// Gain in f_q below which a lamp stays where it is: a fiftieth of the tolerance that runs have by default.
+const LEAST_GAIN: f64 = 1e-4;
+
+/// Lights of a carrier that shine, with the point of the unit cube of their variables.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// Indices of the lights: the scene's own first, then the lamps.
+    pub lights: Vec<usize>,
+    /// Point of the unit cube of the variables of [`Carrier::part`].
+    pub u: Vec<f64>,
+    /// f_q on the pictures of the carrier, corrected for noise bias.
+    pub f_q: f64,
+}
+
+/// Search for a rig of one look on a carrier.
+pub struct Chooser<'a, C> {
+    /// The lamps.
+    pub carrier: &'a Carrier,
+    /// Objectives of the whole pictures and of the reduced ones.
+    pub objectives: [Objective; 2],
+    /// Whether the search must end.
+    pub cancelled: &'a C,
+}
+
+impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
+    /// The best rigs of up to `most` lamps besides the scene's own lights, one for each number of lamps from 1
+    /// on; fewer where another lamp gains nothing.
+    ///
+    /// # Errors
+    /// When NLopt fails.
+    pub fn rigs(&self, most: usize) -> Result<Vec<Choice>, OptimError> {
+        let own: Vec<usize> = (0..self.carrier.n_own).collect();
+        let mut rigs = vec![self.bare(own)?];
+        let mut best = Vec::new();
+        for _ in 0..most {
+            let next = self.extended(&rigs)?;
+            let Some(first) = next.first() else { break };
+            best.push(self.exchanged(first.clone())?);
+            rigs = next;
+            rigs[0] = best[best.len() - 1].clone();
+        }
+        Ok(best)
+    }
+
+    /// The scene's own lights alone.
+    fn bare(&self, lights: Vec<usize>) -> Result<Choice, OptimError> {
+        let start = self.carrier.part(&lights).variables.start();
+        if lights.is_empty() {
+            Ok(Choice { lights, u: start, f_q: f64::INFINITY })
+        } else {
+            self.polished(lights, &start)
+        }
+    }
+
+    /// The best rigs of one lamp more than some rigs have, best first.
+    fn extended(&self, rigs: &[Choice]) -> Result<Vec<Choice>, OptimError> {
+        let mut tried: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
+        for rig in rigs {
+            for (lights, u) in self.cheapest(rig, TRIED) {
+                if tried.iter().all(|(other, _)| !is_same_set(other, &lights)) {
+                    tried.push((lights, u));
+                }
+            }
+        }
+        let mut next = tried
+            .into_par_iter()
+            .map(|(lights, u)| self.polished(lights, &u))
+            .collect::<Result<Vec<_>, _>>()?;
+        next.sort_by(|a, b| a.f_q.total_cmp(&b.f_q));
+        next.truncate(RIGS);
+        Ok(next)
+    }
+
+    /// The rigs with one lamp more that cost least, each with its point, at most `count`.
+    fn cheapest(&self, rig: &Choice, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let priced = self.carrier.candidates().into_par_iter().filter(|c| !rig.lights.contains(c));
+        let priced = priced.map(|candidate| {
+            let mut lights = rig.lights.clone();
+            lights.push(candidate);
+            let (u, price) = self.price(&lights, rig);
+            (lights, u, price)
+        });
+        let mut priced: Vec<(Vec<usize>, Vec<f64>, f64)> = priced.collect();
+        priced.sort_by(|a, b| a.2.total_cmp(&b.2));
+        priced.truncate(count);
+        priced.into_iter().map(|(lights, u, _)| (lights, u)).collect()
+    }
+
+    /// Least f_q on the reduced pictures over the radiance of the last of `lights`, with the point where it
+    /// is; the others are those of `rig`.
+    fn price(&self, lights: &[usize], rig: &Choice) -> (Vec<f64>, f64) {
+        let part = self.carrier.reduced_part(lights);
+        let evaluator = part.evaluator(&self.objectives[1]);
+        let mut scratch = Scratch::default();
+        let mut best = (Vec::new(), f64::INFINITY);
+        for u in starts(&part, lights.len() - 1, rig) {
+            let f = value(&evaluator, &u, PRICED.delta, &mut scratch);
+            if f < best.1 {
+                best = (u, f);
+            }
+        }
+        best
+    }
+
+    /// Descends in all variables of some lights from `u`.
+    fn polished(&self, lights: Vec<usize>, u: &[f64]) -> Result<Choice, OptimError> {
+        let part = self.carrier.part(&lights);
+        let evaluator = part.evaluator(&self.objectives[0]);
+        let u = descend(&evaluator, u, self.cancelled)?;
+        let f_q = value(&evaluator, &u, Smoothing::DELTA_LAST, &mut Scratch::default());
+        Ok(Choice { lights, u, f_q })
+    }
+
+    /// The rig with lamps exchanged for others, one at a time, while f_q falls.
+    ///
+    /// # Errors
+    /// When NLopt fails.
+    pub fn exchanged(&self, rig: Choice) -> Result<Choice, OptimError> {
+        let mut best = rig;
+        let n_own = self.carrier.n_own;
+        let n = best.lights.len() - n_own;
+        let (mut k, mut unchanged) = (0, 0);
+        for _ in 0..MAX_EXCHANGES * n {
+            if unchanged == n || (self.cancelled)() {
+                break;
+            }
+            let place = n_own + k;
+            let rest = self.without(&best, place);
+            let mut tried = self.cheapest(&rest, EXCHANGED);
+            tried.retain(|(lights, _)| lights.last() != Some(&best.lights[place]));
+            let mut ends = tried
+                .into_par_iter()
+                .map(|(lights, u)| self.polished(lights, &u))
+                .collect::<Result<Vec<_>, _>>()?;
+            ends.sort_by(|a, b| a.f_q.total_cmp(&b.f_q));
+            match ends.into_iter().next() {
+                // The new lamp is the last, and that which follows has its place.
+                Some(better) if better.f_q < best.f_q - LEAST_GAIN => (best, unchanged) = (better, 0),
+                _ => (k, unchanged) = ((k + 1) % n, unchanged + 1),
+            }
+        }
+        Ok(best)
+    }
+
+    /// A rig without its light at `place`.
+    fn without(&self, rig: &Choice, place: usize) -> Choice {
+        let part = self.carrier.part(&rig.lights);
+        let mut lights = rig.lights.clone();
+        lights.remove(place);
+        let kept = part.variables.variables.iter().zip(&rig.u).filter(|(v, _)| !is_of(v, place));
+        Choice { lights, u: kept.map(|(_, u)| *u).collect(), f_q: f64::INFINITY }
+    }
+}
+
+/// Points at which the lamp that was added to `rig` as its `added`-th light is priced.
+fn starts(part: &Part, added: usize, rig: &Choice) -> Vec<Vec<f64>> {
+    let variables = &part.variables.variables;
+    let is_first = rig.lights.is_empty();
+    let values: &[Option<f64>] = &if is_first { VALUES.map(Some).to_vec() } else { vec![None] };
+    let has_value = variables.iter().any(|v| !v.kind.is_of_light());
+    let values = if has_value { values } else { &values[..1] };
+    let others = if is_first { &OTHERS[..1] } else { &OTHERS[..] };
+    let mut points = Vec::new();
+    for level in LEVELS {
+        for factor in others {
+            for value in values {
+                let mut rest = rig.u.iter();
+                let u = variables.iter().map(|v| {
+                    if is_of(v, added) {
+                        return level;
+                    }
+                    let u = rest.next().copied().unwrap_or(0.0);
+                    if v.kind.is_of_light() { factor * u } else { value.unwrap_or(u) }
+                });
+                points.push(u.collect());
+            }
+        }
+    }
+    points
+}
+
+/// Whether a variable is that of the light of an index.
+fn is_of(v: &crate::variables::Variable, light: usize) -> bool {
+    v.kind.is_of_light() && v.light == light
+}
+
+fn is_same_set(a: &[usize], b: &[usize]) -> bool {
+    a.len() == b.len() && a.iter().all(|l| b.contains(l))
+}
+
+/// The rig of as few lamps as it takes: the first that no larger one beats by more than `tolerance` a lamp.
+#[must_use]
+pub fn as_few_as_it_takes(rigs: &[Choice], tolerance: f64) -> Option<&Choice> {
+    let is_enough = |i: &usize| {
+        let later = rigs[i + 1..].iter().enumerate();
+        let mut gains = later.map(|(k, rig)| rigs[*i].f_q - rig.f_q - tolerance * (k + 1) as f64);
+        gains.all(|gain| gain <= 0.0)
+    };
+    (0..rigs.len()).find(is_enough).map(|i| &rigs[i])
+}

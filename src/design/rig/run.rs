@@ -1,0 +1,74 @@
+//! A whole run whose lamps the program places.
+
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use super::find;
+use crate::{
+    audit::BASIS,
+    design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
+    lighting::Lighting,
+    scene::Scene,
+    variables::Constraints,
+};
+
+/// Time limit of a look for which no time is left: it gets one pass of everything.
+const LEAST_TIME: Duration = Duration::from_millis(1);
+
+/// What rigs are sought for.
+#[derive(Clone, Copy, Debug)]
+pub struct Order<'a> {
+    /// Lamps at most, besides the scene's own lights.
+    pub most: usize,
+    /// Whether the lights of the scene's files were left out.
+    pub without_lights: bool,
+    /// Path of the scene file, for the record.
+    pub path: &'a Path,
+    /// Lighting of the scene's own lights.
+    pub authored: &'a Lighting,
+    /// Constraints of the scene's author.
+    pub constraints: &'a Constraints,
+    /// Options of the run.
+    pub options: &'a RunOptions,
+}
+
+/// Finds a rig for every look, then its lights as an ordinary run does, and records both; returns a report for
+/// each job. Looks share the pictures of the places of lamps; the rest is done for one after the other, since
+/// each has lamps of its own.
+///
+/// # Errors
+/// As [`find`] and [`design::run`].
+pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<RunReport>, RunError> {
+    let start = Instant::now();
+    let (rigs, mut scene) = find(scene, order, reporter)?;
+    let own = scene.lights.clone();
+    let mut reports = Vec::new();
+    let n = rigs.len();
+    for (k, (job, rig)) in order.options.jobs.iter().zip(&rigs).enumerate() {
+        scene = scene.with_lights(own.iter().cloned().chain(rig.lights()).collect());
+        let authored = Lighting { exposure: order.authored.exposure, ..Lighting::authored(&scene) };
+        let constraints = rig.constrained(order.constraints);
+        let left = order.options.time_limit.map(|limit| limit.saturating_sub(start.elapsed()));
+        let options = RunOptions {
+            jobs: vec![job.clone()],
+            // What is left, in equal parts.
+            time_limit: left.map(|left| (left / (n - k) as u32).max(LEAST_TIME)),
+            basis_file: order.options.basis_file.as_ref().map(|_| job.out.join(BASIS)),
+            ..order.options.clone()
+        };
+        let subject = Subject {
+            scene: &scene,
+            path: order.path,
+            authored: &authored,
+            constraints: &constraints,
+            rig: Some(rig),
+        };
+        reports.extend(design::run(subject, &options, reporter)?);
+        if reporter.cancelled() {
+            break;
+        }
+    }
+    Ok(reports)
+}
