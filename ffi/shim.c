@@ -232,3 +232,26 @@ bool lo_accel_occluded1(const lo_accel *accel, const lo_ray *ray) {
 
   return r.tfar < 0.0f; /* Embree marks a blocked ray with -inf */
 }
+
+size_t lo_accel_replay(const lo_accel *accel, const lo_query *queries, size_t n) {
+  size_t hits = 0;
+  unsigned saved = flush_denormals();
+  for (size_t i = 0; i < n; ++i) {
+    const lo_query *q = &queries[i];
+    if (!usable(&q->ray))
+      continue;
+    struct RTCRayHit rh;
+    rh.ray = to_embree(&q->ray);
+    if (q->any_hit) {
+      occluded(accel->scene, &rh.ray);
+      hits += rh.ray.tfar < 0.0f;
+    } else {
+      rh.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      rh.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      intersect(accel->scene, &rh);
+      hits += rh.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+    }
+  }
+  restore_denormals(saved);
+  return hits;
+}

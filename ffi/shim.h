@@ -61,4 +61,14 @@ bool lo_accel_intersect1(const lo_accel *accel, const lo_ray *ray, lo_hit *hit);
 /* Any hit, under the same rules. */
 bool lo_accel_occluded1(const lo_accel *accel, const lo_ray *ray);
 
+/* A query as it was made: for the closest hit, or for any. */
+typedef struct lo_query {
+  lo_ray ray;
+  bool any_hit;
+} lo_query;
+
+/* Makes queries again, one after another, and returns how many of them hit: what Embree alone takes for
+ * them, with nothing done about a hit and the denormals set once. */
+size_t lo_accel_replay(const lo_accel *accel, const lo_query *queries, size_t n);
+
 #endif

@@ -43,6 +43,7 @@
 //! | [`audit`] | the run directory, `lights.toml`, what a stored basis says of itself, what an unfinished command has made |
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |
+//! | [`bench`] | how fast all this is, beside others |
 //! | [`cli`] | the command line |
 //!
 //! `docs/architecture.md` shows how data goes through them and where to add what,
@@ -166,6 +167,7 @@
 //! - \[Zhou23\] Z. E. Zhou, *AgX LUT Gen*, 2023.
 
 pub mod audit;
+pub mod bench;
 pub mod bsdf;
 pub mod camera;
 pub mod cli;

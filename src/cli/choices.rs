@@ -3,7 +3,12 @@
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-use crate::{design::Gradient, figures::Part, sampler::SamplerKind};
+use crate::{
+    bench::{self, Peer},
+    design::Gradient,
+    figures::Part,
+    sampler::SamplerKind,
+};
 
 /// A value of an option, the word for it, and what the help says of it.
 pub type Choice<T> = (T, &'static str, &'static str);
@@ -41,6 +46,15 @@ pub const PARTS: [Choice<Part>; 9] = [
     ),
 ];
 
+/// Values of `bench --only`.
+pub const BENCH_PARTS: [Choice<bench::Part>; 2] = [
+    (bench::Part::Efficiency, "efficiency", "Error and seconds of pictures, ours and theirs"),
+    (bench::Part::Rays, "rays", "Rays a second inside our integrators, beside a bare loop of Embree"),
+];
+
+/// Values of `bench --peers`.
+pub const PEERS: [Choice<Peer>; 1] = [(Peer::Mitsuba, "mitsuba", "Mitsuba 3")];
+
 /// Parses the word for one of some values.
 pub fn one_of<T: Copy + Send + Sync + 'static>(
     choices: &'static [Choice<T>],
@@ -68,10 +82,20 @@ mod tests {
         words_are_those_of_the_records(&SAMPLERS);
         words_are_those_of_the_records(&GRADIENTS);
         words_are_those_of_the_records(&PARTS);
+        words_are_those_of_the_records(&BENCH_PARTS);
+        words_are_those_of_the_records(&PEERS);
     }
 
     #[test]
     fn every_part_of_the_figures_can_be_asked_for() {
         assert_eq!(PARTS.map(|choice| choice.0), Part::ALL);
+    }
+
+    #[test]
+    fn every_part_and_peer_of_the_benchmark_can_be_asked_for() {
+        assert_eq!(BENCH_PARTS.map(|choice| choice.0), bench::Part::ALL);
+        assert_eq!(PEERS.map(|choice| choice.0), Peer::ALL);
+        assert!(BENCH_PARTS.iter().all(|(part, word, _)| part.name() == *word));
+        assert!(PEERS.iter().all(|(peer, word, _)| peer.name() == *word));
     }
 }

@@ -1,5 +1,6 @@
 //! The command line: one file a subcommand.
 
+pub mod bench;
 mod choices;
 pub mod classify;
 mod common;
@@ -44,6 +45,7 @@ enum Command {
     Classify(classify::ClassifyArgs),
     Export(export::ExportArgs),
     Figures(figures::FiguresArgs),
+    Bench(bench::BenchArgs),
 }
 
 /// Runs the subcommand.
@@ -62,6 +64,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Classify(args) => classify::classify(args),
         Command::Export(args) => export::export(args),
         Command::Figures(args) => figures::figures(args),
+        Command::Bench(args) => bench::bench(args),
     }
 }
 

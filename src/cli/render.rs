@@ -28,7 +28,7 @@ use crate::{
         image_file::write_view_png,
     },
     integrator::{
-        Observer, Pilot, View,
+        Observer, View,
         aov::{self, Features},
     },
     lighting::SamplingPlan,
@@ -138,11 +138,8 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
             measure: Measure { view: seen_through, ..Measure::default() },
         };
         let seed = args.transport.seed;
-        let integrator = renderer.integrator;
-        let lightings = &[&lighting];
-        let pilot = Pilot { integrator, view, lightings, sampler: renderer.sampler, seed, spp: args.spp };
         let plan = SamplingPlan::for_picture(&lighting);
-        let plan = SamplingPlan { counts: pilot.choose(&plan), ..plan };
+        let plan = renderer.suited(plan, view, &[&lighting], seed, args.spp);
         if args.verbose {
             console.note(&plan.counts.to_string());
         }

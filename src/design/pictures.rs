@@ -9,7 +9,6 @@ use super::{
     growing::{Grown, Wanted},
     noise::{self, Display, Noise, SquaredErrors},
     products::{GrowingPictures, growing_key},
-    render::Renderer,
     setup::{Setup, Task},
 };
 use crate::{
@@ -20,7 +19,7 @@ use crate::{
         image_file::{LinearImage, write_view_png},
     },
     integrator::{
-        Pilot, RenderError, View,
+        RenderError, View,
         aov::{self, Aovs, Features},
     },
     lighting::{Lighting, SamplingPlan},
@@ -198,16 +197,7 @@ fn take_group(
     let weighted: Vec<(&Lighting, &[f32])> =
         shots.iter().map(|shot| (&shot.lighting, shot.lights.as_slice())).collect();
     let plan = SamplingPlan::for_pictures(&weighted);
-    let Renderer { integrator, sampler, .. } = setup.renderer();
-    let pilot = Pilot {
-        integrator,
-        view,
-        lightings: &lightings,
-        sampler,
-        seed: options.seed,
-        spp: options.final_spp,
-    };
-    let plan = SamplingPlan { counts: pilot.choose(&plan), ..plan };
+    let plan = setup.renderer().suited(plan, view, &lightings, options.seed, options.final_spp);
     let wanted =
         Wanted { view, lightings: &lightings, plan: &plan, seed: options.seed, spp: options.final_spp };
     reporter.stage("pictures", Some(u64::from(options.size.y) * u64::from(options.final_spp)));

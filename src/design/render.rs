@@ -8,7 +8,7 @@ use std::{
 use crate::{
     denoise::denoise,
     film::{Picture, RgbFilm, image_file::LinearImage},
-    integrator::{Integrator, Observer, RenderError, Samples, View, aov::Features},
+    integrator::{Integrator, Observer, Pilot, RenderError, Samples, View, aov::Features},
     lighting::{Lighting, SamplingPlan},
     math::Measure,
     objective::{
@@ -62,6 +62,21 @@ pub struct Measurement {
 }
 
 impl Renderer {
+    /// A sampling plan with the numbers of samples that suit a render of some lightings together, see [`Pilot`].
+    #[must_use]
+    pub fn suited(
+        &self,
+        plan: SamplingPlan,
+        view: View,
+        lightings: &[&Lighting],
+        seed: u64,
+        spp: u32,
+    ) -> SamplingPlan {
+        let Self { integrator, sampler, .. } = *self;
+        let counts = Pilot { integrator, view, lightings, sampler, seed, spp }.choose(&plan);
+        SamplingPlan { counts, ..plan }
+    }
+
     /// Renders replicates of the picture of a lighting from independent scrambles.
     ///
     /// # Errors

@@ -6,6 +6,11 @@
 //! coincident triangles included, however many threads the program has.
 //!
 //! Distances are in units of the ray direction's length, which need not be 1.
+//!
+//! A [`Tape`] holds queries that were made, to make them again without all that an integrator does
+//! between them.
+
+mod tape;
 
 use std::ffi::CStr;
 use std::mem::MaybeUninit;
@@ -14,6 +19,9 @@ use std::sync::OnceLock;
 
 use embree4_sys as sys;
 use glam::Vec3;
+
+use tape::Recorder;
+pub use tape::Tape;
 
 /// Why an [`Accel`] could not be built.
 #[derive(Debug, thiserror::Error)]
@@ -112,6 +120,8 @@ pub struct Hit {
 #[derive(Debug)]
 pub struct Accel {
     raw: NonNull<sys::lo_accel>,
+    /// What queries are recorded by, where they are.
+    recorder: Option<Recorder>,
 }
 
 // SAFETY: the handle is not bound to the thread that made it; Embree's objects are
@@ -163,7 +173,9 @@ impl Accel {
         let mut error = sys::lo_error::default();
         // SAFETY: a NUL-terminated string and an error to write to; NULL is handled below.
         let raw = unsafe { sys::lo_accel_new(config.as_ptr(), &mut error) };
-        NonNull::new(raw).map(|raw| Accel { raw }).ok_or_else(|| embree_error("create a device", &error))
+        NonNull::new(raw)
+            .map(|raw| Accel { raw, recorder: None })
+            .ok_or_else(|| embree_error("create a device", &error))
     }
 
     /// The mesh must have been validated.
@@ -194,6 +206,9 @@ impl Accel {
     #[inline]
     #[must_use]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        if let Some(recorder) = &self.recorder {
+            recorder.add(ray, false);
+        }
         let mut hit = MaybeUninit::<sys::lo_hit>::uninit();
         // SAFETY: `raw` is a committed scene; the shim checks the ray, and fills in the hit
         // whenever it returns true.
@@ -210,6 +225,9 @@ impl Accel {
     #[inline]
     #[must_use]
     pub fn occluded(&self, ray: &Ray) -> bool {
+        if let Some(recorder) = &self.recorder {
+            recorder.add(ray, true);
+        }
         // SAFETY: `raw` is a committed scene; the shim checks the ray.
         unsafe { sys::lo_accel_occluded1(self.raw.as_ptr(), &ray.to_sys()) }
     }

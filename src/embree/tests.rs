@@ -350,3 +350,32 @@ fn the_version_and_instruction_set_are_known() {
     assert!(version().starts_with("3.13.") || version().starts_with("4."), "{}", version());
     assert!(["avx2", "sse4.2", "default"].contains(&isa()), "{}", isa());
 }
+
+/// What is played again is what was asked: as many hits, in any number of threads, and nothing that came before
+/// the recording or after it.
+#[test]
+fn a_tape_plays_the_queries_that_were_made() {
+    let mut rng = Rng(21);
+    let mesh = Mesh::soup(200, 0.3, &mut rng);
+    let mut accel = Accel::build(&[mesh.as_ref()]).unwrap();
+    let mut ray = || Ray { org: 3.0 * rng.cube(), dir: rng.direction(), t_min: 0.0, t_max: 2.5 };
+    let ask = |accel: &Accel, ray: &Ray| {
+        (usize::from(accel.intersect(ray).is_some()), usize::from(accel.occluded(ray)))
+    };
+    ask(&accel, &ray());
+    accel.record();
+    let (mut closest, mut any) = (0, 0);
+    for _ in 0..20_000 {
+        let (c, a) = ask(&accel, &ray());
+        closest += c;
+        any += a;
+    }
+    // A ray that is not finite meets nothing, here and there.
+    ask(&accel, &Ray { org: Vec3::splat(f32::NAN), dir: Vec3::X, t_min: 0.0, t_max: 1.0 });
+    let tape = accel.recorded();
+    ask(&accel, &ray());
+    assert_eq!((tape.len(), tape.n_any_hit()), (40_002, 20_001));
+    assert!(closest > 500 && closest < 19_500, "{closest}");
+    assert_eq!(accel.replay(&tape), closest + any);
+    assert!(accel.recorded().is_empty(), "nothing is recorded unless asked for");
+}

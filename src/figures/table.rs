@@ -1,4 +1,4 @@
-//! Tables as CSV (full precision), LaTeX (booktabs) and HTML.
+//! Tables as CSV (full precision), LaTeX (booktabs), HTML, Markdown and plain text.
 
 use std::fmt::{self, Write as _};
 
@@ -59,6 +59,8 @@ pub struct Table {
 enum Markup {
     Latex,
     Html,
+    Markdown,
+    Plain,
 }
 
 /// Symbols by their spelling in captions and headings, with those of LaTeX and HTML.
@@ -82,7 +84,11 @@ fn set(words: &str, markup: Markup) -> String {
     let mut rest = words;
     while let Some(c) = rest.chars().next() {
         if let Some((symbol, latex, html)) = SYMBOLS.iter().find(|(s, ..)| rest.starts_with(s)) {
-            out += if markup == Markup::Latex { latex } else { html };
+            out += match markup {
+                Markup::Latex => latex,
+                Markup::Html => html,
+                Markup::Markdown | Markup::Plain => symbol,
+            };
             rest = &rest[symbol.len()..];
             continue;
         }
@@ -94,6 +100,10 @@ fn set(words: &str, markup: Markup) -> String {
             (Markup::Html, '&') => out += "&amp;",
             (Markup::Html, '<') => out += "&lt;",
             (Markup::Html, '>') => out += "&gt;",
+            (Markup::Markdown, '|' | '_' | '*' | '<' | '`' | '\\') => {
+                out.push('\\');
+                out.push(c);
+            }
             _ => out.push(c),
         }
         rest = &rest[c.len_utf8()..];
@@ -216,6 +226,41 @@ impl Table {
     }
 }
 
+impl Table {
+    /// Text of all entries, row by row, empty for grouped ones that a row shares with the row before.
+    fn words(&self, markup: Markup) -> Vec<Vec<String>> {
+        (0..self.rows.len()).map(|row| self.visible(row, markup).0).collect()
+    }
+
+    /// The table in Markdown as GitHub has it, without its caption.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let heads = self.header.iter().map(|h| set(h, Markup::Markdown)).collect();
+        let sides = (0..self.header.len()).map(|i| if self.is_number(i) { "---:" } else { "---" }.to_owned());
+        let rows = self.words(Markup::Markdown).into_iter().map(line).collect::<String>();
+        line(heads) + &line(sides.collect()) + &rows
+    }
+
+    /// The table in columns of plain text, below its caption.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let heads: Vec<String> = self.header.iter().map(|&h| h.to_owned()).collect();
+        let rows: Vec<Vec<String>> = std::iter::once(heads).chain(self.words(Markup::Plain)).collect();
+        let width = |i: usize| rows.iter().map(|row| row[i].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.header.len()).map(width).collect();
+        let line = |row: &Vec<String>| {
+            let cells = row.iter().enumerate().map(|(i, word)| match self.is_number(i) {
+                true => format!("{word:>width$}", width = widths[i]),
+                false => format!("{word:<width$}", width = widths[i]),
+            });
+            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
+        };
+        let caption = if self.caption.is_empty() { String::new() } else { format!("{}\n", self.caption) };
+        caption + &rows.iter().map(line).collect::<String>()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -253,5 +298,23 @@ mod tests {
         assert!(html.contains("A &amp; B: <i>f</i><sub>q</sub>"), "{html}");
         assert_eq!(html.matches("<td>a</td>").count(), 1);
         assert_eq!(html.matches("<tr class=\"begins\">").count(), 1);
+    }
+
+    #[test]
+    fn markdown_and_text_have_a_line_a_row() {
+        let markdown = table().markdown();
+        let lines: Vec<&str> = markdown.lines().collect();
+        assert_eq!(
+            lines[..3],
+            [
+                "| scene | what | f_q | none |",
+                "| --- | --- | ---: | --- |",
+                "| a | x\\_1, \"y\" | 0.123 | – |",
+            ]
+        );
+        assert_eq!(lines.len(), 5);
+        let text = table().text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[..3], ["A & B: f_q", "scene  what       f_q  none", "a      x_1, \"y\"  0.123  –"]);
     }
 }

@@ -309,6 +309,17 @@ impl Scene {
         SurfaceHit { t: hit.t, uv, material, si }
     }
 
+    /// The triangles as rays meet them.
+    #[must_use]
+    pub fn accel(&self) -> &Accel {
+        &self.accel
+    }
+
+    /// The triangles as rays meet them, to have the rays recorded.
+    pub fn accel_mut(&mut self) -> &mut Accel {
+        &mut self.accel
+    }
+
     /// Base colour of a surface, linear Rec.709, at a value of the background.
     #[must_use]
     pub fn base_color(&self, hit: &SurfaceHit, value: f32) -> Rgb {

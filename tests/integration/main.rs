@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod basis;
+mod bench;
 mod denoise;
 mod evaluate;
 mod export;
