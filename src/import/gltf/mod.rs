@@ -157,6 +157,7 @@ impl Reader<'_> {
             origin: self.origin,
             parts: self.parts,
             materials: materials.list,
+            lost_shaders: materials.lost,
             warnings: warnings.into_lines(),
             camera: cameras.first().map(|c| c.1),
             cameras,
