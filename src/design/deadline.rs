@@ -28,10 +28,14 @@ impl Deadline {
         self.limit.is_some_and(|limit| self.start.elapsed() >= limit.mul_f64(part))
     }
 
+    /// Time left until a part of the time allowed, in [0, 1], has passed; `None` without limit.
+    pub fn left_until(&self, part: f64) -> Option<Duration> {
+        Some(self.limit?.mul_f64(part).saturating_sub(self.start.elapsed()))
+    }
+
     /// The deadline of work that may take `part` of the time that is left.
     pub fn of_part(&self, part: f64) -> Option<Instant> {
-        let left = self.limit?.saturating_sub(self.start.elapsed());
-        Some(Instant::now() + left.mul_f64(part))
+        Some(Instant::now() + self.left_until(1.0)?.mul_f64(part))
     }
 }
 
@@ -44,9 +48,12 @@ mod tests {
         let ago = |seconds| Instant::now().checked_sub(Duration::from_secs(seconds)).unwrap();
         let limited = Deadline::new(ago(55), Some(Duration::from_secs(100)));
         assert!(limited.has_passed(Deadline::SEARCH) && !limited.has_passed(Deadline::CHECK));
+        let left = limited.left_until(Deadline::CHECK).unwrap();
+        assert!(left > Duration::from_secs(4) && left < Duration::from_secs(6), "{left:?}");
         let half = limited.of_part(0.5).unwrap() - Instant::now();
         assert!(half > Duration::from_secs(21) && half < Duration::from_secs(23), "{half:?}");
         let late = Deadline::new(ago(200), Some(Duration::from_secs(100)));
+        assert_eq!(late.left_until(1.0), Some(Duration::ZERO));
         assert!(late.has_passed(1.0) && late.of_part(1.0).unwrap() <= Instant::now());
         let unlimited = Deadline::new(ago(200), None);
         assert!(!unlimited.has_passed(0.0) && unlimited.of_part(1.0).is_none());

@@ -1,13 +1,17 @@
 //! Paper mode: a fresh render for each evaluation, forward differences with common random numbers, and
 //! NLopt's bounded L-BFGS from one start.
 
-use std::{ops::ControlFlow, time::Instant};
+use std::{
+    ops::ControlFlow,
+    time::{Duration, Instant},
+};
 
 use serde_json::{Value, json};
 
 use super::{
     Progress, Reporter, RunError,
-    observer::Unstoppable,
+    deadline::Deadline,
+    observer::{InTime, Unstoppable},
     pictures::{attribute, write_found},
     precision::{MAX_SAMPLES, Precision},
     products::picture_key,
@@ -130,16 +134,45 @@ pub(super) fn find(
     if search.best.is_none() {
         write_found(search.task, &u, None, setup)?;
     }
-    let evaluations = search.evaluations;
-    let n_pixels = setup.options.work_size.element_product();
-    let spp = match stop {
-        StopReason::Interrupted => search.spp.min(INTERRUPTED_SAMPLES / n_pixels).max(2),
-        _ => search.spp,
-    };
-    let what = (Purpose::Check, "checking the result with new samples");
-    let check = measure(task, setup, &u, spp, what, reporter)?;
+    let (evaluations, spp) = (search.evaluations, search.spp);
     *renders += 2;
+    let check = check(task, setup, &u, (spp, stop), renders, reporter)?;
     Ok(Found { u, check, evaluations, stop, reach: Vec::new() })
+}
+
+/// Measures f_q at the point `u` that a search with `spp` samples a pixel found, with new ones, of which there
+/// are fewer where it was cut short.
+fn check(
+    task: &Task,
+    setup: Setup,
+    u: &[f64],
+    (spp, stop): (u32, StopReason),
+    renders: &mut u64,
+    reporter: &impl Reporter,
+) -> Result<JackknifeEstimate, RunError> {
+    let what = (Purpose::Check, "checking the result with new samples");
+    let of_spp = |spp| measure(task, setup, u, spp, what, reporter);
+    let least = spp.min(INTERRUPTED_SAMPLES / setup.options.work_size.element_product()).max(2);
+    let clock = Instant::now();
+    match stop {
+        StopReason::Interrupted => of_spp(least),
+        StopReason::TimeLimit => {
+            let check = of_spp(least)?;
+            let left = setup.deadline.left_until(Deadline::CHECK).unwrap_or_default();
+            let more = that_fit(least, clock.elapsed(), left).min(spp);
+            if more <= least {
+                return Ok(check);
+            }
+            *renders += 1;
+            of_spp(more)
+        }
+        _ => of_spp(spp),
+    }
+}
+
+/// Number of samples that fit into the time left, where `n` took a time.
+fn that_fit(n: u32, taken: Duration, left: Duration) -> u32 {
+    (f64::from(n) * left.as_secs_f64() / taken.as_secs_f64().max(1e-9)) as u32
 }
 
 /// A search by forward differences of fresh renders.
@@ -160,7 +193,7 @@ struct DifferenceSearch<'s, 'a, R> {
     best: Option<(f64, Vec<f64>)>,
 }
 
-/// The result of a render, or `None` if an interrupt ended it.
+/// The result of a render, or `None` if an interrupt or the time limit ended it.
 fn unless_cancelled<T>(result: Result<T, RunError>) -> Result<Option<T>, RunError> {
     match result {
         Err(RunError::Render(RenderError::Cancelled)) => Ok(None),
@@ -175,7 +208,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         let budget = self.setup.options.max_evaluations;
         let start = self.choose()?;
         let Some(step) = unless_cancelled(self.find_step(&start))? else {
-            return Ok((start, StopReason::Interrupted));
+            return Ok((start, self.cut_short()));
         };
         self.step = step;
         let mut u = start.clone();
@@ -186,19 +219,29 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
                 break;
             }
             if unless_cancelled(self.find_samples(&u))?.is_none() {
-                stop = StopReason::Interrupted;
+                stop = self.cut_short();
                 break;
             }
             let share = (f64::from(budget) * restart.share) as u32;
             let allowed = if i + 1 == RESTARTS.len() { left } else { share.clamp(1, left) };
             let Some(outcome) = unless_cancelled(self.descend_once(&u, &restart, allowed))? else {
-                stop = StopReason::Interrupted;
+                stop = self.cut_short();
                 break;
             };
             (u, stop) = (outcome.x, outcome.stop);
         }
         let best = self.best.as_ref().map(|(_, u)| u.clone());
         Ok((best.unwrap_or(start), stop))
+    }
+
+    /// The reason why a render of the search was cancelled.
+    fn cut_short(&self) -> StopReason {
+        if self.reporter.cancelled() { StopReason::Interrupted } else { StopReason::TimeLimit }
+    }
+
+    /// Observer of the renders of the search.
+    fn observer(&self) -> InTime<'_, R> {
+        InTime { reporter: self.reporter, deadline: self.setup.deadline }
     }
 
     /// A descent from `u` of at most `allowed` evaluations.
@@ -250,7 +293,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
     /// Working render of the point `u`.
     fn render(&mut self, u: &[f64]) -> Result<MeasuredPicture, RunError> {
         let (lighting, plan, budget) = self.working(u);
-        self.setup.render_once(&lighting, &plan, budget, self.reporter, self.reporter)
+        self.setup.render_once(&lighting, &plan, budget, self.reporter, &self.observer())
     }
 
     /// Smoothed f_q of the working render of the point `u`; of what is only measured so, the number is kept
@@ -264,13 +307,13 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
         if let Some(bytes) = kept.and_then(|bytes| bytes.try_into().ok()) {
             return Ok(f64::from_le_bytes(bytes));
         }
-        let rendered = setup.renderer().render(setup.view(), &lighting, &plan, budget, reporter)?;
+        let rendered = setup.renderer().render(setup.view(), &lighting, &plan, budget, &self.observer())?;
         let f = rendered.smoothed(&self.task.objective, smoothing);
         setup.products.save(key, VALUE, |text| reporter.note(text), |out| out.write_all(&f.to_le_bytes()));
         Ok(f)
     }
 
-    /// Start with the least f_q; after an interrupt, of those measured.
+    /// Start with the least f_q; after an interrupt or the time limit, of those measured.
     fn choose(&mut self) -> Result<Vec<f64>, RunError> {
         let starts = self.task.starts.clone();
         let mut best: Option<(f64, &(String, Vec<f64>))> = None;
@@ -287,7 +330,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
             }
         }
         let Some((f_q, (name, u))) = best else {
-            // Interrupted before the first was measured.
+            // Cut short before the first was measured.
             return starts.first().map(|(_, u)| u.clone()).ok_or(OptimError::NoVariables.into());
         };
         self.reporter

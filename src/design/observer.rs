@@ -1,5 +1,6 @@
 //! Observers of a run.
 
+use super::deadline::Deadline;
 use crate::integrator::Observer;
 
 /// An observer of a run.
@@ -31,6 +32,24 @@ pub struct Progress {
     pub best: f64,
     /// Number of renders so far.
     pub renders: u64,
+}
+
+/// An observer that passes progress on and stops a render when the search's part of the time is over, or
+/// where the reporter does.
+pub(super) struct InTime<'a, R> {
+    /// Observer of the run.
+    pub reporter: &'a R,
+    /// Time that the run may take.
+    pub deadline: Deadline,
+}
+
+impl<R: Reporter> Observer for InTime<'_, R> {
+    fn advance(&self, rows: u64) {
+        self.reporter.advance(rows);
+    }
+    fn cancelled(&self) -> bool {
+        self.reporter.cancelled() || self.deadline.has_passed(Deadline::SEARCH)
+    }
 }
 
 /// An observer that passes progress on but never stops a render: an interrupt ends the optimisation

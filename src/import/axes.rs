@@ -28,7 +28,7 @@ pub fn point_to_metres_y_up(p: DVec3, scale: f64, up: UpAxis) -> DVec3 {
 
 /// Scales a mesh by `scale`, metres per unit of the file, and rotates it such that `up` becomes +y.
 ///
-/// Triangles that rounding leaves without area are removed; returns how many there were.
+/// Triangles that are then without area or out of range are removed; returns how many there were.
 pub fn to_metres_y_up(mesh: &mut Mesh, scale: f64, up: UpAxis) -> usize {
     if scale == 1.0 && up == UpAxis::Y {
         return 0;

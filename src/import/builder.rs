@@ -251,7 +251,8 @@ impl Source<'_> {
             self.add_backdrop(spec, &mut imported)?;
             is_main.resize(imported.mesh.indices.len(), false);
         }
-        let Imported { mesh, materials, lights, mut warnings, is_of_blender, .. } = imported;
+        let Imported { mesh, materials, lost_shaders, lights, mut warnings, is_of_blender, .. } = imported;
+        warnings.extend(materials::lost_shaders(sidecar, &lost_shaders));
         let materials = self.materials(sidecar, materials)?;
         let background = self.background(sidecar, &mesh, &is_main, &materials)?;
         if background.is_empty() {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::left_out::LeftOut;
 use crate::{
     embree::EmbreeError,
     files::{reach::ReachError, toml_file::TomlError},
@@ -87,15 +88,12 @@ pub enum ImportError {
         message: String,
     },
     /// The scene file holds no triangle of positive area.
-    #[error(
-        "{path}: no triangle in this file{degenerate}", path = path.display(),
-        degenerate = match n_degenerate { 0 => String::new(), n => format!(" but for {n} that are degenerate") }
-    )]
+    #[error("{path}: no triangle in this file{left_out}", path = path.display())]
     NoTriangles {
         /// Path of the scene file.
         path: PathBuf,
-        /// Number of triangles of no area, which are left out.
-        n_degenerate: usize,
+        /// Triangles that it has all the same, which cannot be rendered.
+        left_out: LeftOut,
     },
     /// The value of a key of a sidecar or glTF is wrong.
     #[error("{path}: `{key}`: {message}", path = path.display())]

@@ -28,6 +28,9 @@ pub struct Imported {
     pub parts: Vec<Part>,
     /// Material names and parameters, indexed by [`Mesh::materials`].
     pub materials: Vec<(String, MaterialParams)>,
+    /// Names of the materials whose shader the exporter dropped: white diffuse ones, unless the sidecar knows
+    /// better.
+    pub lost_shaders: Vec<String>,
     /// What was left out or replaced while reading, one line each.
     pub warnings: Vec<String>,
     /// Names and perspective cameras; empty in a format without cameras.

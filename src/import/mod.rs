@@ -11,6 +11,7 @@ pub mod error;
 mod find;
 pub mod gltf;
 pub mod imported;
+pub mod left_out;
 pub mod mtl;
 pub mod mtl_params;
 pub mod obj;

@@ -13,6 +13,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::{
     error::ImportError,
     imported::{Imported, Part},
+    left_out::LeftOut,
     mtl::{self, MtlMaterial, Origin},
     mtl_params::{self, grey},
     origin::Spread,
@@ -27,7 +28,7 @@ use crate::{
     },
     scene::{
         material::MaterialParams,
-        mesh::{Mesh, is_proper, smooth_normals},
+        mesh::{Mesh, smooth_normals},
     },
 };
 
@@ -73,7 +74,8 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
     let mut warnings = reader.warnings;
     let default_material = materials.len() as u32;
     let mut raw = Mesh::default();
-    let mut dropped = plain.n_short;
+    let place = plain.out_of_range.map(|(line, vertex)| format!("in line {line}, vertex {vertex}"));
+    let mut left_out = LeftOut { n_degenerate: plain.n_short, place, ..LeftOut::default() };
     let mut spread = Spread::default();
     for model in &models {
         spread.extend(model.mesh.positions.chunks_exact(3).map(DVec3::from_slice));
@@ -83,18 +85,14 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
         // Named so by `wavefront`; a file without faces has one model of another name.
         let Ok(part) = model.name.parse() else { continue };
         let material = model.mesh.material_id.map_or(default_material, |m| m as u32);
-        dropped += append(&mut raw, &model.mesh, part, material, origin);
+        append(&mut raw, &model.mesh, [part, material], origin, &mut left_out);
     }
-    match dropped {
-        0 => {}
-        1 => warnings.add(format!("{}: left out 1 degenerate triangle", path.display())),
-        n => warnings.add(format!("{}: left out {n} degenerate triangles", path.display())),
-    }
+    left_out.report(path, &mut warnings);
     if raw.materials.contains(&default_material) {
         materials.push((NO_NAME.into(), grey()));
     }
     if raw.indices.is_empty() {
-        return Err(ImportError::NoTriangles { path: path.to_path_buf(), n_degenerate: dropped });
+        return Err(ImportError::NoTriangles { path: path.to_path_buf(), left_out });
     }
     let mut mesh = with_normals(&raw, &plain.parts, crease);
     let tinted = |m: usize, p: &mut MaterialParams| mtl_params::tint_sheet(&library[m], p);
@@ -241,9 +239,15 @@ fn material_library(
     Ok((library.materials, ids))
 }
 
-/// Appends the triangles of a model relative to `origin`, with zero for absent normals; returns how many
-/// were degenerate and left out.
-fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32, origin: DVec3) -> usize {
+/// Appends the triangles of a model of a part and a material relative to `origin`, with zero for absent normals,
+/// but for those that cannot be rendered, which are counted.
+fn append(
+    mesh: &mut Mesh,
+    m: &tobj::Mesh,
+    [part, material]: [u32; 2],
+    origin: DVec3,
+    left_out: &mut LeftOut,
+) {
     let base = mesh.positions.len() as u32;
     let relative = |p: &[f64]| (DVec3::from_slice(p) - origin).as_vec3();
     mesh.positions.extend(m.positions.chunks_exact(3).map(relative));
@@ -254,15 +258,13 @@ fn append(mesh: &mut Mesh, m: &tobj::Mesh, part: u32, material: u32, origin: DVe
     let before = mesh.indices.len();
     for t in m.indices.chunks_exact(3) {
         let t = [t[0], t[1], t[2]].map(|i| base + i);
-        let corners = t.map(|i| mesh.positions[i as usize]);
-        if is_proper(corners) {
+        if left_out.keeps(t.map(|i| mesh.positions[i as usize])) {
             mesh.indices.push(t);
         }
     }
     let n = mesh.indices.len() - before;
     mesh.materials.extend(std::iter::repeat_n(material, n));
     mesh.objects.extend(std::iter::repeat_n(part, n));
-    m.indices.len() / 3 - n
 }
 
 /// The mesh with all normals, and without vertices that no triangle uses.

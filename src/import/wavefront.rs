@@ -14,6 +14,7 @@ use std::{borrow::Cow, collections::HashMap, fmt::Write as _};
 use glam::{Vec2, Vec3};
 
 use super::{error::LineError, imported::Part};
+use crate::scene::mesh::is_in_range;
 
 /// Corners of a polygon above which it is taken to be convex. Clipping ears takes 10 ms for a comb of 1000
 /// corners, 60 ms for one that crosses itself at random, and grows with the square.
@@ -46,6 +47,8 @@ pub struct NormalizedObj {
     /// Attributes (`texture coordinate`, `normal`) that corners refer to although the file has none,
     /// with the number of the first such line.
     pub absent: Vec<(usize, &'static str)>,
+    /// Number of the first line whose vertex is out of range, and the vertex's number in the file.
+    pub out_of_range: Option<(usize, usize)>,
     /// Number of the first line that gives a vertex a colour other than white.
     pub colored: Option<usize>,
 }
@@ -115,13 +118,21 @@ struct Vertices<'t> {
     counts: Counts,
     /// Lines that are no vertices: number, vertices before the line, text.
     others: Vec<(usize, Counts, Cow<'t, str>)>,
+    /// First line, and number of its vertex, that is out of range.
+    out_of_range: Option<(usize, usize)>,
     /// Number of the first line with a colour other than white.
     colored: Option<usize>,
 }
 
 /// First pass: reads all vertices and appends their normalised lines to `out`.
 fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineError> {
-    let mut found = Vertices { positions: Vec::new(), counts: [0; 3], others: Vec::new(), colored: None };
+    let mut found = Vertices {
+        positions: Vec::new(),
+        counts: [0; 3],
+        others: Vec::new(),
+        out_of_range: None,
+        colored: None,
+    };
     for (line, content) in logical_lines(text) {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
@@ -147,6 +158,9 @@ fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineErr
                 }
                 found.positions.push(p);
                 found.counts[0] += 1;
+                if !is_in_range(p) {
+                    found.out_of_range.get_or_insert((line, found.counts[0]));
+                }
             }
             "vt" => {
                 let (_, n) = numbers::<3>(rest).map_err(fail)?;
@@ -235,7 +249,8 @@ fn corner(
 pub fn normalize(text: &str) -> Result<NormalizedObj, LineError> {
     let mut out = NormalizedObj { text: String::with_capacity(text.len()), ..NormalizedObj::default() };
     out.text.push_str("mtllib all\nvt 0 0\nvn 0 0 0\n");
-    let Vertices { positions, counts: total, others, colored } = vertices(text, &mut out.text)?;
+    let Vertices { positions, counts: total, others, out_of_range, colored } = vertices(text, &mut out.text)?;
+    out.out_of_range = out_of_range;
     let painted = || physical_lines(text).position(|l| l.starts_with(POLYPAINT)).map(|i| i + 1);
     out.colored = colored.or_else(painted);
     let mut writer = Writer {

@@ -67,13 +67,18 @@ pub fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     (b - a).cross(c - a)
 }
 
+/// Whether the coordinates of a point are such as Embree accepts.
+#[must_use]
+pub fn is_in_range(p: Vec3) -> bool {
+    // Written so that NaN fails.
+    p.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
+}
+
 /// Whether a triangle has a positive, finite area and coordinates that Embree accepts.
 #[must_use]
 pub fn is_proper(corners: [Vec3; 3]) -> bool {
     let n = face_normal(corners);
-    corners.iter().all(|c| c.abs().cmple(Vec3::splat(MAX_COORDINATE)).all())
-        && n.is_finite()
-        && n.length_squared() > 0.0
+    corners.into_iter().all(is_in_range) && n.is_finite() && n.length_squared() > 0.0
 }
 
 /// Unit vertex normals of triangles that come without, three a triangle.

@@ -45,6 +45,17 @@ fn a_shader_that_blender_dropped_is_white_diffuse_and_named() {
         said.contains("material `RedDiffuse`: its shader is lost in the file, taken as white diffuse"),
         "{said}"
     );
+    // Whoever says in the sidecar what it is need not be told.
+    let own = fs::read_to_string(room.path("diffuse_bsdf.toml")).unwrap();
+    let sidecar = format!("{own}\n[materials.RedDiffuse]\n");
+    room.write("diffuse_bsdf.toml", format!("{sidecar}roughness = 0.5\n"));
+    assert!(warnings_of(&room, "diffuse_bsdf.glb").iter().any(|w| w.contains("its shader is lost")));
+    for model in ["diffuse", "dielectric", "conductor"] {
+        room.write("diffuse_bsdf.toml", format!("{sidecar}model = \"{model}\"\n"));
+        let said = warnings_of(&room, "diffuse_bsdf.glb");
+        assert!(!said.iter().any(|w| w.contains("lost")), "{model}: {said:?}");
+    }
+    room.write("diffuse_bsdf.toml", own);
     // Written by another program the same is what the format says: a rough metal.
     let glb = fs::read(room.path("diffuse_bsdf.glb")).unwrap();
     let at = glb.windows(7).position(|w| w == b"Blender").unwrap();

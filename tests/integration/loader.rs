@@ -195,7 +195,13 @@ fn degenerate_triangles_are_left_out_and_counted() {
     ));
     assert_eq!(s.mesh.indices.len(), 1);
     assert_eq!(s.mesh.positions.len(), 3);
-    assert!(s.warnings[0].ends_with("room.obj: left out 5 degenerate triangles"), "{:?}", s.warnings);
+    assert!(s.warnings[0].ends_with("room.obj: left out 2 degenerate triangles"), "{:?}", s.warnings);
+    let first = SQUARE.lines().count() + 1;
+    let wanted = format!(
+        "room.obj: left out 3 triangles with vertices out of range, the first in line {first}, vertex 5: \
+         coordinates must be finite and at most 1.844e18 in magnitude"
+    );
+    assert!(s.warnings[1].ends_with(&wanted), "{:?}", s.warnings);
     let e = load(&format!("{SQUARE}f 1 1 2\n"), MTL).unwrap_err();
     assert!(e.to_string().ends_with("no triangle in this file but for 1 that are degenerate"), "{e}");
 }
@@ -234,7 +240,11 @@ fn scenes_of_any_scale_render_or_say_why_not() {
     }
     for (scale, wanted) in [
         (1e-30, "room.obj: no triangle in this file but for 14 that are degenerate"),
-        (1e19, "room.obj: no triangle in this file but for 14 that are degenerate"),
+        (
+            1e19,
+            "room.obj: no triangle in this file but for 14 with vertices out of range, the first in line 2, \
+             vertex 1: coordinates must be finite and at most 1.844e18 in magnitude",
+        ),
     ] {
         let [obj, _] = scaled(scale);
         let error = Room::with(&obj, MTL, TOML).fail_at_once(&["render", "room.obj", "-o", "a.png"]);
@@ -250,7 +260,8 @@ fn a_stray_triangle_does_not_spoil_a_picture() {
         let toml = format!("{TOML}[[lights]]\nname = \"sky\"\ntype = \"environment\"\n");
         let room = Room::with(&obj, MTL, &toml);
         let output = room.succeed(&["render", "room.obj", "--spp", "8", "-o", "a.exr"]);
-        let is_left_out = String::from_utf8_lossy(&output.stderr).contains("left out 1 degenerate triangle");
+        let said = String::from_utf8_lossy(&output.stderr);
+        let is_left_out = said.contains("left out 1 triangle with vertices out of range, the first in line");
         assert_eq!(is_left_out, !["1e10", "1e17"].contains(&far), "{far}");
         let output = room.succeed(&["evaluate", "--target", "high-key", "--json", "a.exr"]);
         let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

@@ -7,6 +7,7 @@ use assert_cmd::Command;
 use image::{GrayAlphaImage, ImageBuffer, LumaA, Rgba, RgbaImage};
 use lightopt_embree::film::exr::{ExrImage, ExrPart, read_exr, write_exr};
 use lightopt_embree::film::image_file::{MaskImage, read_mask};
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -132,8 +133,28 @@ fn the_part_that_is_called_beauty_is_measured_and_said() {
 
 #[test]
 fn a_picture_in_one_channel_is_grey() {
-    let bw = evaluate(&data("blender-bw.exr"), &data("blender-bw-mask.png")).assert().success().stderr("");
-    bw.stdout(contains("f_q"));
+    // Means of the sRGB-encoded `V` inside and outside of the mask, by OpenEXR's own reader.
+    let ([obj, back], _, said) =
+        measured(&mut evaluate(&data("blender-bw.exr"), &data("blender-bw-mask.png")));
+    assert!((obj - 0.310_895).abs() < 1e-6 && (back - 0.269_259).abs() < 1e-6, "{obj} {back}");
+    assert_eq!(said, "");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.exr");
+    // Left and right half, and what sRGB makes of them.
+    let (linear, encoded) = ([0.8, 0.2], [0.906_332, 0.484_529]);
+    let grey: Vec<f32> = (0..32 * 24).map(|i| linear[usize::from(i % 32 >= 16)]).collect();
+    let rgb: Vec<[f32; 3]> = grey.iter().map(|&v| [v; 3]).collect();
+    let f_q = |part: ExrPart| {
+        write_exr(&path, &ExrImage { width: 32, height: 24, parts: vec![part], lightopt: None }).unwrap();
+        let (means, f_q, said) = measured(&mut evaluate(&path, &data("mask.png")));
+        assert!(means.iter().zip(encoded).all(|(m, e)| (m - e).abs() < 1e-6), "{means:?}");
+        assert_eq!(said, "");
+        f_q
+    };
+    let of_rgb = f_q(ExrPart::rgb("picture", &rgb));
+    for channel in ["V", "Y"] {
+        assert_eq!(f_q(ExrPart::single("picture", channel, grey.clone())), of_rgb, "{channel}");
+    }
 }
 
 #[test]
@@ -235,6 +256,25 @@ fn a_display_encoded_sky_shines_as_it_was_saved() {
     let rgb = read_exr(&directory.path().join("out.exr")).unwrap().beauty().unwrap();
     let mean = rgb.as_flattened().iter().sum::<f32>() / rgb.as_flattened().len() as f32;
     assert!((mean - 0.3).abs() < 1e-3, "{mean}");
+}
+
+/// Radiance has multiplied its pixels with all EXPOSURE lines together: 1 is stored, 1/8 is the sky.
+#[test]
+fn the_exposure_of_a_radiance_sky_is_undone() {
+    let directory = tempfile::tempdir().unwrap();
+    write_sky_scene(directory.path(), "plain.exr");
+    let sidecar = fs::read_to_string(directory.path().join("a.toml")).unwrap();
+    fs::write(directory.path().join("a.toml"), sidecar.replace("sky.exr", "sky.hdr")).unwrap();
+    for (lines, radiance) in [("", 1.0), ("EXPOSURE=2\n", 0.5), ("EXPOSURE=2\nEXPOSURE= 4.0\n", 0.125)] {
+        let mut sky = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{lines}\n-Y 2 +X 4\n").into_bytes();
+        (0..8).for_each(|_| sky.extend([128, 128, 128, 129]));
+        fs::write(directory.path().join("sky.hdr"), sky).unwrap();
+        render(directory.path(), &["--max-depth", "2"]).assert().success().stderr(contains("EXPOSURE").not());
+        let rgb = read_exr(&directory.path().join("out.exr")).unwrap().beauty().unwrap();
+        let mean = rgb.as_flattened().iter().sum::<f32>() / rgb.as_flattened().len() as f32;
+        // The floor is white and sees nothing but the sky.
+        assert!((mean / radiance - 1.0).abs() < 3e-3, "{lines}: {mean}");
+    }
 }
 
 #[test]

@@ -10,17 +10,17 @@ use std::{
 
 use lightopt_embree::film::exr::read_exr;
 
-use crate::room::{MTL, OBJ, Room, TOML, names, signal, wait_for};
+use crate::room::{MTL, OBJ, Room, Running, TOML, names, signal, wait_for};
 
 /// Starts the program in a room.
-pub fn spawn(room: &Room, arguments: &[&str]) -> Child {
+pub fn spawn(room: &Room, arguments: &[&str]) -> Running {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin("lightopt-embree"));
     command.current_dir(room.directory.path()).args(arguments);
-    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    Running(command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap())
 }
 
 /// Starts the program in a room and waits until it says `line`.
-pub fn start(room: &Room, arguments: &[&str], line: &str) -> Child {
+pub fn start(room: &Room, arguments: &[&str], line: &str) -> Running {
     let mut child = spawn(room, arguments);
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     assert!(lines.any(|l| l.starts_with(line)), "it never says `{line}`");
@@ -174,7 +174,7 @@ fn a_second_signal_ends_at_once_and_what_nohup_ignores_is_ignored() {
     let script = "trap '' HUP; exec \"$0\" render room.obj --size 96x72 --spp 100000 -o c.exr";
     let mut command = Command::new("sh");
     command.current_dir(room.directory.path()).args(["-c", script]).arg(program).stderr(Stdio::null());
-    let mut child = command.spawn().unwrap();
+    let mut child = Running(command.spawn().unwrap());
     wait_for_handler(&child);
     signal(&child, "-HUP");
     std::thread::sleep(Duration::from_millis(300));
@@ -255,6 +255,50 @@ fn a_picture_that_was_cut_short_says_so() {
     assert!((found - told).abs() < 1e-12);
 }
 
+/// Error and samples that would take hours: where they are asked for, only the limit ends a run.
+#[test]
+fn a_limit_ends_a_run_that_asks_for_more_than_fits_and_what_is_lacking_is_said() {
+    for mode in ["basis", "fd"] {
+        let room = Room::new();
+        let clock = Instant::now();
+        let out = room.succeed(
+            &[
+                "run",
+                "room.obj",
+                "--out",
+                "a",
+                "--gradient",
+                mode,
+                "--tolerance",
+                "1e-5",
+                "--time-limit",
+                "2",
+            ]
+            .into_iter()
+            .chain(["--work-size", "24x18", "--size", "48x36", "--final-spp", "1000000"])
+            .chain(["--final-noise", "0", "--json"])
+            .collect::<Vec<_>>(),
+        );
+        // The limit and a tenth and a second are promised; what else the machine does must not fail a test.
+        assert!(clock.elapsed() < Duration::from_secs(20), "{mode}: {:?}", clock.elapsed());
+        let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let caution = json["caution"].as_str().unwrap();
+        let error = json["f_q_error"].as_f64().unwrap();
+        let said = format!(
+            "the time limit of 2 s was too short: f_q is known to {error:.4} only, 0.00001 was asked for, the \
+             picture has"
+        );
+        assert!(caution.contains(&said), "{mode}: {caution}");
+        assert!(error > 1e-5 && error.is_finite(), "{mode}: {error}");
+        if mode == "fd" {
+            assert_eq!(json["stop_reason"], "the time limit was reached");
+        }
+        let exr = read_exr(&room.path("a/final.exr")).unwrap();
+        assert_eq!(exr.lightopt.unwrap()["incomplete"], true);
+        all_is_whole(&room.path("a"));
+    }
+}
+
 #[test]
 fn a_second_run_into_one_directory_is_refused() {
     let room = Room::new();
@@ -279,6 +323,22 @@ fn a_cache_that_cannot_be_written_is_an_error_before_any_work() {
     let error = room.fail(&["run", &scene, "--cache", "c", "--out", "a", "--work-size", "16x12"]);
     assert!(error.contains(".basis: cannot create the file"), "{error}");
     assert!(!room.path("a").exists());
+}
+
+#[test]
+fn a_cache_below_a_file_is_an_error_before_any_work() {
+    let room = Room::new();
+    room.write("file", "mine");
+    for (cache, wanted) in [
+        ("file", "error: file: cannot make the directory: "),
+        ("file/c", "error: file/c: cannot make the directory: "),
+        ("file/c/d", "error: file/c/d: cannot make the directory: "),
+    ] {
+        let error = room.fail(&["run", "room.obj", "--cache", cache, "--out", "a", "--work-size", "16x12"]);
+        assert!(error.starts_with(wanted), "{error}");
+    }
+    assert_eq!(names(room.directory.path()), ["file", "room.mtl", "room.obj", "room.toml"]);
+    assert_eq!(fs::read_to_string(room.path("file")).unwrap(), "mine");
 }
 
 #[test]

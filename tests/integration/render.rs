@@ -166,6 +166,26 @@ fn wrong_usage_is_code_2() {
 }
 
 #[test]
+fn an_exposure_out_of_range_is_refused_in_one_line_that_names_the_option() {
+    let room = Room::new();
+    for command in [&["run", "room.obj"][..], &["render", "room.obj"], &["evaluate", "a.png"]] {
+        for value in ["1.0001e12", "1e13", "1e-13", "1e400", "inf", "nan", "bright"] {
+            let failed =
+                room.command(&[command, &["--exposure", value]].concat()).assert().code(2).stdout("");
+            let said = String::from_utf8(failed.get_output().stderr.clone()).unwrap();
+            let wanted = format!(
+                "error: invalid value '{value}' for '--exposure <FACTOR>': must be a number above 0, from 1e-12 to 1e12"
+            );
+            assert_eq!(said.lines().next(), Some(&*wanted));
+            // All there is besides is where help is found.
+            let rest: Vec<&str> = said.lines().skip(1).filter(|line| !line.is_empty()).collect();
+            assert_eq!(rest, ["For more information, try '--help'."]);
+        }
+    }
+    assert_eq!(names(room.directory.path()), ["room.mtl", "room.obj", "room.toml"]);
+}
+
+#[test]
 fn help_and_version_go_to_standard_output() {
     let room = Room::new();
     for (command, wanted) in

@@ -1,8 +1,9 @@
 //! A room of 14 triangles with two lights, quick to load and render.
 
 use std::fs;
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Output};
 
 use assert_cmd::Command;
 use tempfile::TempDir;
@@ -133,8 +134,32 @@ pub fn names(directory: &Path) -> Vec<String> {
     names
 }
 
+/// A program at work. It ends with its test: one that fails would else leave it running, some of them for ever.
+pub struct Running(pub Child);
+
+impl Deref for Running {
+    type Target = Child;
+    fn deref(&self) -> &Child {
+        &self.0
+    }
+}
+
+impl DerefMut for Running {
+    fn deref_mut(&mut self) -> &mut Child {
+        &mut self.0
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Most have ended.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 /// Sends a signal to a program, by its name for `kill`.
-pub fn signal(child: &std::process::Child, name: &str) {
+pub fn signal(child: &Child, name: &str) {
     let kill = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
     assert!(kill.unwrap().success());
 }

@@ -125,8 +125,9 @@ impl Source<'_> {
         let own_size = base.filter(|_| !is_placed(&spec)).map_or(DEFAULT_FILM, |c| film_of(&c));
         let size = UVec2::from_array(spec.size.unwrap_or(own_size));
         let camera = Camera::new(position, look_at, up, vfov, size).ok_or_else(|| match &sidecar.camera {
-            Some(CameraSpec { position: None, look_at: None, up: Some(_), .. }) => {
-                self.error("camera.up", "must not lie along the direction in which the file's camera looks")
+            Some(CameraSpec { up: Some(up), .. }) if look_at != position => {
+                let message = "must not be zero nor lie along the direction in which the camera looks, got";
+                self.error("camera.up", format!("{message} {}", Numbers(up)))
             }
             Some(_) => self.error("camera.look_at", "must differ from `position` and not lie along `up`"),
             None => {

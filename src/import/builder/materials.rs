@@ -11,10 +11,24 @@ use crate::{
         error::ImportError,
         range::MAX_IOR,
         sidecar::{MaterialSpec, Sidecar},
+        warnings::Warnings,
     },
     lighting::MAX_RADIANCE,
     scene::material::{Coats, Material, MaterialParams, Model},
 };
+
+/// What is said of a material whose shader is known neither from the scene file nor from the sidecar.
+const LOST: &str = "its shader is lost in the file, taken as white diffuse: Blender exports only its Principled \
+                    BSDF; [materials] in the sidecar can say more";
+
+/// Warns of the materials of a scene file whose shader was dropped by the exporter, but for those of which
+/// the sidecar gives the model.
+pub fn lost_shaders(sidecar: &Sidecar, names: &[String]) -> Vec<String> {
+    let is_told = |name: &str| sidecar.materials.get(name).is_some_and(|m| m.model.is_some());
+    let mut warnings = Warnings::default();
+    names.iter().filter(|name| !is_told(name)).for_each(|name| warnings.about("material", name, LOST.into()));
+    warnings.into_lines()
+}
 
 impl Source<'_> {
     /// Builds the materials of the scene file, in their order.

@@ -32,8 +32,9 @@ impl Source<'_> {
         }
         if n_lost > 0 {
             let file = self.scene_path.display();
-            let are = if n_lost == 1 { "triangle is" } else { "triangles are" };
-            imported.warnings.push(format!("{file}: left out: {n_lost} {are} degenerate at this `scale`"));
+            let triangles = if n_lost == 1 { "triangle that is" } else { "triangles that are" };
+            let why = "too small or too far from the origin at this `scale`";
+            imported.warnings.push(format!("{file}: left out {n_lost} {triangles} {why}"));
         }
         Ok(())
     }

@@ -13,8 +13,8 @@ use super::{
     texture::UvMapping,
 };
 use crate::{
-    import::{error::ImportError, warnings::Warnings},
-    scene::mesh::{Mesh, face_normal, is_proper},
+    import::{error::ImportError, left_out::LeftOut, warnings::Warnings},
+    scene::mesh::{Mesh, face_normal},
 };
 
 /// Vertex colours from here on count as white: half a step of 8 bits is 0.002.
@@ -175,14 +175,14 @@ pub struct Geometry<'a> {
     pub materials: Materials<'a>,
     /// Triangles in world space.
     pub mesh: Mesh,
-    /// Number of triangles left out because they have no area.
-    pub n_degenerate: usize,
+    /// Triangles that cannot be rendered, but for those without area of strips and fans.
+    pub left_out: LeftOut,
 }
 
 impl<'a> Geometry<'a> {
     /// The geometry of `file`, empty before primitives are placed.
     pub fn new(file: &'a File) -> Self {
-        Self { file, materials: Materials::new(file), mesh: Mesh::default(), n_degenerate: 0 }
+        Self { file, materials: Materials::new(file), mesh: Mesh::default(), left_out: LeftOut::default() }
     }
 
     /// Reads a primitive and its material; `None` when it has no triangles. `weights` are those of its
@@ -283,14 +283,17 @@ impl<'a> Geometry<'a> {
             }
         }
         let mut triangles: Vec<[usize; 3]> = Vec::with_capacity(primitive.triangles.len());
+        let mut left_out = LeftOut::default();
         for &[a, b, c] in &primitive.triangles {
             let corners = if flips { [a, c, b] } else { [a, b, c] }.map(|i| i as usize);
-            if is_proper(corners.map(|i| positions[i])) {
+            if left_out.keeps(corners.map(|i| positions[i])) {
                 triangles.push(corners);
-            } else {
-                self.n_degenerate += usize::from(!primitive.is_strip);
             }
         }
+        if primitive.is_strip {
+            left_out.n_degenerate = 0;
+        }
+        self.left_out.add(left_out, || format!("`{key}`"));
         let mesh = &mut self.mesh;
         // Primitives may share vertices of which each uses some: only those are kept.
         let mut ids = vec![None; n];

@@ -62,6 +62,8 @@ pub struct Materials<'a> {
     uv_mappings: Vec<Option<UvMapping>>,
     /// Whether the file leaves open if a material in use is a body of glass or a sheet.
     may_be_thin: Vec<bool>,
+    /// Names of the materials whose shader the exporter dropped.
+    pub lost: Vec<String>,
     textures: Textures<'a>,
 }
 
@@ -81,6 +83,7 @@ impl<'a> Materials<'a> {
             list: Vec::new(),
             uv_mappings: Vec::new(),
             may_be_thin: Vec::new(),
+            lost: Vec::new(),
             textures: Textures::new(file),
         }
     }
@@ -143,8 +146,7 @@ impl<'a> Materials<'a> {
         let mut out = self.metallic_roughness(&m.pbr_metallic_roughness, context)?;
         if self.is_dropped(m, context.index) {
             out = MaterialParams::default();
-            let way = "Blender exports only its Principled BSDF; [materials] in the sidecar can say more";
-            context.warn(format_args!("its shader is lost in the file, taken as white diffuse: {way}"));
+            self.lost.push(context.name.clone());
         } else if let Some(old) = extensions.and_then(|e| e.pbr_specular_glossiness.as_ref()) {
             self.specular_glossiness(old, &mut out, context)?;
         } else if out.metallic == 1.0 && out.metallic_map.is_none() {

@@ -133,18 +133,14 @@ impl Reader<'_> {
     }
 
     fn finish(self) -> Result<Imported, ImportError> {
-        let Geometry { mut materials, mut mesh, n_degenerate, .. } = self.geometry;
+        let Geometry { mut materials, mut mesh, left_out, .. } = self.geometry;
         let mut warnings = self.warnings;
         let cameras = self.cameras.list;
         let path = &self.file.path;
-        match n_degenerate {
-            0 => {}
-            1 => warnings.add(format!("{}: left out 1 degenerate triangle", path.display())),
-            n => warnings.add(format!("{}: left out {n} degenerate triangles", path.display())),
-        }
+        left_out.report(path, &mut warnings);
         empty::report(self.file, self.nodes, self.origin, &mut warnings);
         if mesh.indices.is_empty() {
-            return Err(ImportError::NoTriangles { path: path.clone(), n_degenerate });
+            return Err(ImportError::NoTriangles { path: path.clone(), left_out });
         }
         materials.finish_glass(&mut mesh, &mut warnings);
         let in_use = materials.list.iter_mut().flat_map(|(_, p)| p.textures_mut());
@@ -157,6 +153,7 @@ impl Reader<'_> {
             origin: self.origin,
             parts: self.parts,
             materials: materials.list,
+            lost_shaders: materials.lost,
             warnings: warnings.into_lines(),
             camera: cameras.first().map(|c| c.1),
             cameras,
