@@ -79,19 +79,28 @@ fn measured(scene: &Scene, pictures: &[Picture]) -> Measured {
     out
 }
 
+/// Renders of a lighting alone, with which the pictures of either integrator are compared: bidirectional ones,
+/// which have the least noise.
+fn alone(scene: &Scene, lighting: Lighting, seed: u64) -> Measured {
+    Subject::lit(scene, lighting).measure(&integrator(IntegratorKind::Bdpt), SamplerKind::Sobol, seed, 40, 64)
+}
+
 #[test]
 fn pictures_that_grow_together_are_those_of_renders_of_their_own() {
     let scene = scene();
+    let references = lightings().map(|x| {
+        let mut of_light = x.clone();
+        of_light.radiance[..2].fill(0.0);
+        [alone(&scene, x, 7), alone(&scene, of_light, 8)]
+    });
     for kind in IntegratorKind::ALL {
         let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 32, &|| false)).collect();
-        for (k, x) in lightings().into_iter().enumerate() {
-            let subject = Subject::lit(&scene, x);
-            let alone = subject.measure(&integrator(kind), SamplerKind::Sobol, 7, 40, 64);
+        for (k, [all_lights, of_light]) in references.iter().enumerate() {
             let pictures: Vec<Picture> = grown.iter().map(|grown| grown.picture(k)).collect();
             let name = |of: &str| format!("grown-{}-{k}-{of}", kind.name());
-            assert_same(&name("all"), &measured(&scene, &pictures), &alone);
+            assert_same(&name("all"), &measured(&scene, &pictures), all_lights);
             let halves: Vec<Picture> = grown.iter().flat_map(|grown| grown.halves(k)).collect();
-            assert_same(&name("halves"), &measured(&scene, &halves), &alone);
+            assert_same(&name("halves"), &measured(&scene, &halves), all_lights);
             let layers: Vec<Picture> = pictures
                 .into_iter()
                 .map(|mut picture| {
@@ -99,11 +108,7 @@ fn pictures_that_grow_together_are_those_of_renders_of_their_own() {
                     picture
                 })
                 .collect();
-            let mut of_light = lightings()[k].clone();
-            of_light.radiance[..2].fill(0.0);
-            let alone =
-                Subject::lit(&scene, of_light).measure(&integrator(kind), SamplerKind::Sobol, 8, 40, 64);
-            assert_same(&name("light"), &measured(&scene, &layers), &alone);
+            assert_same(&name("light"), &measured(&scene, &layers), of_light);
         }
     }
 }
@@ -124,15 +129,33 @@ impl Between for Uneven {
 fn tiles_with_many_and_with_few_samples_have_the_same_light() {
     let mut scene = scene();
     scene.camera = scene.camera.resized(UVec2::new(32, 16));
+    let references = lightings().map(|x| alone(&scene, x, 9));
     for kind in IntegratorKind::ALL {
         let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 1000, &Uneven)).collect();
         assert!(grown.iter().all(|grown| grown.counts() == [4, 20] && grown.spp() == 48));
-        for (k, x) in lightings().into_iter().enumerate() {
-            let alone = Subject::lit(&scene, x).measure(&integrator(kind), SamplerKind::Sobol, 9, 40, 64);
+        for (k, reference) in references.iter().enumerate() {
             let pictures: Vec<Picture> = grown.iter().map(|grown| grown.picture(k)).collect();
-            assert_same(&format!("uneven-{}-{k}", kind.name()), &measured(&scene, &pictures), &alone);
+            assert_same(&format!("uneven-{}-{k}", kind.name()), &measured(&scene, &pictures), reference);
         }
     }
+}
+
+/// Mean over the pixels of the squared errors of a picture, free of the noise of the truth: of its two
+/// independent halves each takes one factor of the square.
+fn squared_error(picture: &[f64], truth: &[Vec<f64>; 2]) -> f64 {
+    let squares = picture.iter().zip(&truth[0]).zip(&truth[1]).map(|((p, a), b)| (p - a) * (p - b));
+    squares.sum::<f64>() / picture.len() as f64
+}
+
+/// Display luminance of radiance.
+fn show(rgb: &[f32; 3]) -> f64 {
+    LuminanceMode::Srgb.encode(math::display::luminance(*rgb), 1.0)
+}
+
+/// What both lightings show, in two independent halves of `spp` samples a pixel together.
+fn truths(scene: &Scene, kind: IntegratorKind, spp: u32) -> [[Vec<f64>; 2]; 2] {
+    let grown = grow(scene, kind, 1_000_000, spp, &|| false);
+    [0, 1].map(|k| grown.halves(k).map(|half| half.rgb.iter().map(show).collect()))
 }
 
 /// With as many samples as here the display's curve is straight over the noise; with few the jackknife's
@@ -142,9 +165,7 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
     let scene = scene();
     let kind = IntegratorKind::Bdpt;
     let width = scene.camera.size().x as usize;
-    let show = |rgb: &[f32; 3]| LuminanceMode::Srgb.encode(math::display::luminance(*rgb), 1.0);
-    let truth = grow(&scene, kind, 1_000_000, 1 << 13, &|| false);
-    let truth = [0, 1].map(|k| truth.picture(k).rgb.iter().map(show).collect::<Vec<f64>>());
+    let truth = truths(&scene, kind, 1 << 11);
     let [mut told, mut known] = [[Moments::default(); 2]; 2];
     for seed in 0..60 {
         let grown = grow(&scene, kind, seed, 128, &|| false);
@@ -156,9 +177,8 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
                 .collect();
             let display = Display { width, measure: Measure::default(), exposure: 1.0 };
             told[k].push(noise::estimate(&linear, display).noise().whole.powi(2));
-            let shown = grown.picture(k).rgb.into_iter().map(|rgb| show(&rgb));
-            let squares = shown.zip(&truth[k]).map(|(shown, truth)| (shown - truth).powi(2));
-            known[k].push(squares.sum::<f64>() / truth[k].len() as f64);
+            let shown: Vec<f64> = grown.beauty(k).iter().map(show).collect();
+            known[k].push(squared_error(&shown, &truth[k]));
         }
     }
     for (k, (told, known)) in told.iter().zip(&known).enumerate() {
@@ -181,16 +201,15 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
     let y = |rgb: &[f32; 3]| math::display::luminance(*rgb);
     let show = |y: f64| LuminanceMode::Srgb.encode(y, 1.0);
     let features = Features::trace(View { scene: &scene, camera: &scene.camera });
-    let truth = grow(&scene, kind, 1_000_000, 1 << 12, &|| false);
-    for k in 0..2 {
-        let truth: Vec<f64> = truth.beauty(k).iter().map(|rgb| show(y(rgb))).collect();
+    let truth = truths(&scene, kind, 1 << 10);
+    let grown: Vec<Grown> = (0..24).map(|seed| grow(&scene, kind, seed, 16, &|| false)).collect();
+    for (k, truth) in truth.iter().enumerate() {
         let error = |picture: &[f64]| {
-            let squares = picture.iter().zip(&truth).map(|(&d, t)| (show(d) - t).powi(2));
-            squares.sum::<f64>() / truth.len() as f64
+            let shown: Vec<f64> = picture.iter().map(|&y| show(y)).collect();
+            squared_error(&shown, truth)
         };
         let [mut told, mut known, mut whole, mut noisy, mut spread_alone] = [Moments::default(); 5];
-        for seed in 0..24 {
-            let grown = grow(&scene, kind, seed, 16, &|| false);
+        for grown in &grown {
             let [a, b, c, d] = grown
                 .planes(k, Measure::default())
                 .map(|y| y.into_iter().map(f64::from).collect::<Vec<f64>>());
@@ -202,7 +221,7 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
             told.push(noise.whole.powi(2));
             known.push(error(&mean));
             let differences = first.iter().zip(&second).map(|(a, b)| (show(*a) - show(*b)).powi(2));
-            spread_alone.push(0.25 * differences.sum::<f64>() / truth.len() as f64);
+            spread_alone.push(0.25 * differences.sum::<f64>() / mean.len() as f64);
             whole.push(error(&grown.denoised(k, &features).rgb.iter().map(y).collect::<Vec<f64>>()));
             noisy.push(error(&grown.beauty(k).iter().map(y).collect::<Vec<f64>>()));
         }

@@ -110,22 +110,20 @@ fn no_light_leaks_through_tilted_normals() {
     }
 }
 
+/// All against one reference of more samples, 24 renders of 64: with 22 samples the others leave the noise of a
+/// difference of two pictures of 32.
 #[test]
-fn balance_and_power_heuristics_agree_and_so_do_the_samplers() {
-    let scene = scenes::glossy_floor((16, 16));
-    let power = measure(&scene, &BDPT, SamplerKind::Sobol, 3, 24, 32);
-    let balance = Integrator { heuristic: Heuristic::Balance, ..BDPT };
-    assert_same("balance", &measure(&scene, &balance, SamplerKind::Sobol, 4, 24, 32), &power);
-    assert_same("halton", &measure(&scene, &BDPT, SamplerKind::Halton, 5, 24, 32), &power);
-}
-
-#[test]
-fn the_mean_does_not_depend_on_the_sample_count() {
+fn heuristics_samplers_and_sample_counts_agree() {
     let scene = scenes::glossy_floor((16, 16));
     for integrator in [PATH, BDPT] {
-        let few = measure(&scene, &integrator, SamplerKind::Sobol, 6, 256, 2);
         let many = measure(&scene, &integrator, SamplerKind::Sobol, 7, 24, 64);
+        let few = measure(&scene, &integrator, SamplerKind::Sobol, 6, 256, 2);
         assert_same("spp", &few, &many);
+        if integrator.kind == IntegratorKind::Bdpt {
+            let balance = Integrator { heuristic: Heuristic::Balance, ..integrator };
+            assert_same("balance", &measure(&scene, &balance, SamplerKind::Sobol, 4, 24, 22), &many);
+            assert_same("halton", &measure(&scene, &integrator, SamplerKind::Halton, 5, 24, 22), &many);
+        }
     }
 }
 
