@@ -7,6 +7,7 @@
 mod background;
 pub mod bounds;
 mod constraints;
+mod exposure;
 mod kind;
 mod radiance;
 mod range;
@@ -14,6 +15,7 @@ mod size;
 pub mod survey;
 mod table;
 mod variable;
+mod wishes;
 
 pub use constraints::{Constraints, FreeKinds, LightConstraints};
 pub use kind::{BasisRanges, Kind, Limits, MatchedStart, Owner, SizeBounds, SurveyedScene, VariableKind};
@@ -21,3 +23,4 @@ pub use range::{Range, Scale};
 pub use survey::{Fitted, Survey, SurveyError};
 pub use table::KINDS;
 pub use variable::{ParamVector, Variable};
+pub use wishes::{Bond, Followed, Tie, WishError, Wishes};
