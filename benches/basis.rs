@@ -84,7 +84,7 @@ fn variables(n: usize) -> ParamVector {
         })
         .collect();
     variables.push(variable("background", 0, [0.05, 1.0], Scale::Perceptual));
-    ParamVector { variables }
+    ParamVector { variables, ..ParamVector::default() }
 }
 
 fn layout(n: usize) -> Layout {

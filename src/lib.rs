@@ -89,6 +89,8 @@
 //!   Press 2015.
 //! - \[ICC\] International Color Consortium, *ICC.1:2022*.
 //! - \[IEC61966\] IEC 61966-2-1:1999, *Default RGB colour space: sRGB*.
+//! - \[ISO21496\] ISO 21496-1:2025, *Gain map metadata for image conversion*.
+//! - \[ISO12232\] ISO 12232:2006, *Photography: Digital still cameras: Determination of exposure index*.
 //! - \[Kajiya86\] J. Kajiya, *The Rendering Equation*, SIGGRAPH 1986.
 //! - \[Kelemen01\] C. Kelemen, L. Szirmay-Kalos, *A Microfacet Based Coupled Specular-Matte
 //!   BRDF Model with Importance Sampling*, Eurographics short presentations, 2001.
@@ -100,6 +102,8 @@
 //!   88-28, 1988.
 //! - \[Kulla17\] C. Kulla, A. Conty, *Revisiting Physically Based Shading at Imageworks*,
 //!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2017.
+//! - \[Lagarde14\] S. Lagarde, C. de Rousiers, *Moving Frostbite to Physically Based Rendering*,
+//!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2014.
 //! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,
 //!   Technometrics 3(4), 1961.
 //! - \[Lindbloom\] B. Lindbloom, *RGB/XYZ Matrices*, *Chromatic Adaptation*.

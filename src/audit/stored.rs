@@ -11,7 +11,7 @@ use crate::{
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
     transport::TransportBasis,
-    variables::{ParamVector, Scale, Variable, VariableKind},
+    variables::{ParamVector, Scale, Tie, Variable, VariableKind},
 };
 
 /// Description of the scene of a stored basis.
@@ -33,6 +33,9 @@ pub struct About {
     pub mask: Vec<usize>,
     /// Variables of the run that rendered the basis.
     pub variables: Vec<StoredVariable>,
+    /// Radiances that follow others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ties: Vec<Tie>,
     /// What the camera sees, by which pictures are denoised; `None` in bases of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub features: Option<StoredFeatures>,
@@ -129,6 +132,7 @@ impl About {
                     scale: v.scale,
                 })
                 .collect(),
+            ties: variables.ties.clone(),
             features: None,
         }
     }
@@ -141,6 +145,7 @@ impl About {
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
             && self.mask.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(layout.n_pixels())
             && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
+            && self.ties.iter().all(|t| t.light < n && t.leader < n && t.factor.is_finite())
     }
 
     /// Measure of luminance of the run that rendered the basis.
@@ -163,7 +168,7 @@ impl About {
             let StoredVariable { ref name, lower, upper, initial, scale } = *v;
             Some(Variable { name: name.clone(), unit: "", lower, upper, initial, scale, kind, light })
         });
-        ParamVector { variables: variables.collect() }
+        ParamVector { variables: variables.collect(), ties: self.ties.clone() }
     }
 
     /// Lighting at the neutral start of the variables.
@@ -219,6 +224,7 @@ mod tests {
             view: ViewTransform::Srgb,
             mask: mask.into(),
             variables: Vec::new(),
+            ties: Vec::new(),
             features: None,
         };
         assert!(about(&[2, 4]).fits(&basis));

@@ -25,7 +25,7 @@ use crate::{
     picture::Note,
     sampler::SamplerKind,
     scene::Scene,
-    variables::{KINDS, VariableKind},
+    variables::{KINDS, VariableKind, Wishes},
 };
 
 /// Options of light transport.
@@ -185,6 +185,46 @@ impl From<LuminanceArg> for LuminanceMode {
             LuminanceArg::Srgb => Self::Srgb,
             LuminanceArg::Linear => Self::Linear,
         }
+    }
+}
+
+/// What is wished of the lights.
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Lights")]
+pub struct RigArgs {
+    /// Leave a light as it is, or a variable of it (key.size), or the background; may be repeated
+    #[arg(long, value_name = "LIGHT[.KIND]")]
+    pub lock: Vec<String>,
+
+    /// Turn a light off; may be repeated
+    #[arg(long, value_name = "LIGHT")]
+    pub off: Vec<String>,
+
+    /// Turn all lights off but this one; may be repeated
+    #[arg(long, value_name = "LIGHT")]
+    pub solo: Vec<String>,
+
+    /// Radiance of a light as a multiple of another's: fill=key*0.5, fill=key-1stop
+    #[arg(long, value_name = "LIGHT=LIGHT*X")]
+    pub tie: Vec<String>,
+
+    /// Mean luminance that a light brings to the main object as a multiple of what another brings, at their
+    /// present sizes, which then stay: fill=key/4, fill=key-2stops
+    #[arg(long, value_name = "LIGHT=LIGHT/X")]
+    pub ratio: Vec<String>,
+
+    /// Lights whose radiances keep the ratio that they have, with one variable, that of the first:
+    /// warm=key,fill
+    #[arg(long, value_name = "NAME=LIGHT,LIGHT")]
+    pub group: Vec<String>,
+}
+
+impl RigArgs {
+    /// The wishes of the sidecar and of the command line.
+    #[must_use]
+    pub fn wishes(&self, of_sidecar: &Wishes) -> Wishes {
+        let Self { lock, off, solo, tie, ratio, group } = self.clone();
+        Wishes { lock, off, solo, tie, ratio, group }.and(of_sidecar)
     }
 }
 

@@ -15,7 +15,7 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TransportArgs, ViewArgs, free_kinds,
+        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, RigArgs, TransportArgs, ViewArgs, free_kinds,
         lighting, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
@@ -173,6 +173,10 @@ pub struct RunArgs {
     #[command(flatten)]
     pub view: ViewArgs,
 
+    /// Ties and locks.
+    #[command(flatten)]
+    pub rig: RigArgs,
+
     /// Which brightness is measured, of what the view shows [default: srgb]
     #[arg(long, value_enum)]
     pub luminance: Option<LuminanceArg>,
@@ -282,9 +286,11 @@ fn work(
         let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
         let loaded = load_any_scene(args.scene(), &load, |w| console.note(w))?;
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
-        let Loaded { scene, constraints, staging, .. } = loaded;
+        let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
-        let (authored, _) = lighting(&scene, None, args.exposure)?;
+        let (mut authored, _) = lighting(&scene, None, args.exposure)?;
+        let wishes = args.rig.wishes(&wishes);
+        wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);

@@ -98,7 +98,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         LightsFile::load(path)?.apply_to(&about, basis.layout(), &mut fixed, path)?;
     }
     let objective = about.objective(&target, &basis)?;
-    let variables = ParamVector { variables: vec![variable.clone()] };
+    let variables = ParamVector { variables: vec![variable.clone()], ties: all.ties.clone() };
     let evaluator = Evaluator {
         basis: &basis,
         halves: &basis,

@@ -93,6 +93,7 @@ mod tests {
             light,
         };
         ParamVector {
+            ties: Vec::new(),
             variables: vec![
                 of(0.0, 50.0, Scale::Perceptual, "radiance", 0),
                 of(0.1, 4.0, Scale::Logarithmic, "size", 0),

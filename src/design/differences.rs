@@ -429,7 +429,7 @@ impl<R: Reporter> DifferenceSearch<'_, '_, R> {
     ) -> Result<(), RunError> {
         let setup = self.setup;
         let attribute = attribute(setup, &self.task.job.target, u, plain, self.spp);
-        let (names, exposure) = (setup.scene.light_names(), setup.fitted.lighting.exposure);
+        let (names, exposure) = (setup.scene.light_names(), setup.lighting(u).exposure);
         let measure = setup.options.measure;
         let exr = picture::exr(&rendered.picture, setup.aovs, &names, exposure, measure, attribute);
         self.task.dir.log_iterations(&[(line, exr)])?;

@@ -228,7 +228,7 @@ impl<'a> Evaluator<'a> {
         scratch: &mut Scratch<'a>,
         gradients: impl Iterator<Item = &'g mut [f64]>,
     ) -> Result<(), ObjectiveError> {
-        let Scratch { display, slopes, adjoint: common, adjoints, tangents, .. } = scratch;
+        let Scratch { replicates, display, slopes, adjoint: common, adjoints, tangents, .. } = scratch;
         let one_out: Vec<&[f64]> = display[1..].iter().map(Vec::as_slice).collect();
         let layout = self.halves.layout();
         adjoints.resize_with(dz.len().max(adjoints.len()), Vec::new);
@@ -257,6 +257,14 @@ impl<'a> Evaluator<'a> {
             let of_replicate: Vec<&[f64]> =
                 adjoints[..dz.len()].iter().map(|of| of[replicate].as_slice()).collect();
             tangents.pull_back(&of_replicate, &mut by_lighting);
+        }
+        if self.variables.vary_exposure() {
+            let exposure = self.lighting(&self.variables.decode(u)).exposure;
+            for (by_lighting, adjoints) in by_lighting.iter_mut().zip(&*adjoints) {
+                // Light enters as its product with the exposure.
+                let dot = |(a, y): (&Vec<f64>, &Vec<f64>)| a.iter().zip(y).map(|(a, y)| a * y).sum::<f64>();
+                by_lighting.exposure = adjoints.iter().zip(&*replicates).map(dot).sum::<f64>() / exposure;
+            }
         }
         for (by_lighting, gradient) in by_lighting.iter().zip(gradients) {
             self.variables.pull_back(u, by_lighting, gradient);

@@ -11,7 +11,7 @@ use crate::{
     math::{ViewTransform, display::LuminanceMode, hash::hash_words},
     objective::Target,
     sampler::SamplerKind,
-    variables::{FreeKinds, ParamVector},
+    variables::{FreeKinds, ParamVector, Tie},
 };
 
 /// Contents of a manifest.
@@ -23,6 +23,17 @@ struct Manifest<'a> {
     options: Options<'a>,
     target: &'a Target,
     variables: &'a ParamVector,
+    /// Radiances that follow others.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    ties: Vec<NamedTie<'a>>,
+}
+
+/// A radiance that is a multiple of another, by the names of the lights.
+#[derive(Serialize)]
+struct NamedTie<'a> {
+    light: &'a str,
+    follows: &'a str,
+    factor: f64,
 }
 
 /// The program, its build and the ray tracer.
@@ -167,5 +178,12 @@ pub(super) fn text(
         },
         target,
         variables: setup.variables,
+        ties: {
+            let name = |light: usize| scene.lights[light].name.as_str();
+            let ties = setup.variables.ties.iter();
+            let named =
+                |t: &Tie| NamedTie { light: name(t.light), follows: name(t.leader), factor: t.factor };
+            ties.map(named).collect()
+        },
     })
 }

@@ -372,7 +372,7 @@ pub(super) fn attribute(
         "x": setup.variables.named(&setup.variables.decode(u)),
         "f_q": evaluation.f_q,
         "terms": evaluation.terms_json(),
-        "exposure": setup.fitted.lighting.exposure,
+        "exposure": setup.lighting(u).exposure,
         "luminance": options.measure.luminance,
         "view": options.measure.view,
         "target": target,

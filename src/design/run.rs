@@ -85,7 +85,7 @@ pub fn run(
         None => differences::unit_picture(&stage, reporter)?,
         Some(basis) => basis.unit_picture(),
     };
-    let survey = Survey::new(scene, fitted, constraints, &options.free, options.measure, &unit);
+    let survey = Survey::new(scene, fitted, constraints, &options.free, options.measure, (&unit, &aovs.mask));
     let variables = survey.variables()?;
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };

@@ -12,7 +12,7 @@ use plotters::{
     },
 };
 
-use crate::{film::Picture, math::display::oetf_srgb};
+use crate::{film::Picture, math::ViewTransform};
 
 /// Error of the drawing backend.
 pub type DrawError = DrawingAreaErrorKind<<BitMapBackend<'static> as DrawingBackend>::ErrorType>;
@@ -166,11 +166,11 @@ pub fn dot(area: &Area, at: (i32, i32), radius: i32, color: RGBColor) -> Result<
     Ok(area.draw(&Circle::new(scaled(at), radius * SCALE, color.filled()))?)
 }
 
-/// A linear picture encoded for an sRGB display at an exposure.
+/// A linear picture as a view shows it on an sRGB display, at an exposure.
 #[must_use]
-pub fn displayed(picture: &Picture, exposure: f64) -> RgbImage {
-    let encode = |v: f32| (255.0 * oetf_srgb((exposure * f64::from(v)).clamp(0.0, 1.0))).round() as u8;
+pub fn displayed(picture: &Picture, exposure: f64, view: ViewTransform) -> RgbImage {
     RgbImage::from_fn(picture.width as u32, picture.height as u32, |x, y| {
-        image::Rgb(picture.rgb[y as usize * picture.width + x as usize].map(encode))
+        let codes = view.encode(picture.rgb[y as usize * picture.width + x as usize], exposure);
+        image::Rgb(codes.map(|code| (255.0 * code).round() as u8))
     })
 }

@@ -16,7 +16,7 @@ use crate::{
     integrator::{Integrator, Observer, RenderError, View, aov},
     light::{Light, Outline, SizeDensity},
     lighting::{Lighting, SamplingPlan},
-    math::{Measure, display::luminance},
+    math::{Measure, ViewTransform},
     sampler::SamplerKind,
     scene::Scene,
     transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes},
@@ -62,6 +62,8 @@ pub struct Settings<'a> {
     pub sampler: SamplerKind,
     /// Seed of the scrambles of the basis.
     pub seed: u64,
+    /// View through which the pictures are seen.
+    pub view: ViewTransform,
     /// Products, among which the basis is sought and kept.
     pub products: &'a Products,
 }
@@ -172,12 +174,13 @@ pub fn grid(
     let mask = aov::trace(view, 1.0).mask;
     let reference = one.picture(1.0, one.sizes[REFERENCE]);
     let shown = reference.rgb.iter().zip(&mask).filter(|(_, on_object)| **on_object);
-    let on_object: Vec<f64> = shown.map(|(rgb, _)| luminance(*rgb)).collect();
-    let well = well_lit(&on_object, one.dark.exposure)
+    let measure = Measure { view: settings.view, ..Measure::default() };
+    let on_object = measure.planes(&shown.map(|(rgb, _)| *rgb).collect::<Vec<_>>());
+    let well = well_lit(&on_object, one.dark.exposure, measure)
         .ok_or_else(|| FluxError::Dark { light: light.name.clone() })?;
     let fluxes = STOPS.map(|stop| well * stop.exp2());
     let cell = |flux: f64, size: f64| Cell {
-        picture: displayed(&one.picture(flux, size), one.dark.exposure),
+        picture: displayed(&one.picture(flux, size), one.dark.exposure, settings.view),
         caption: Vec::new(),
     };
     let rows = one.sizes.iter().map(|&size| Row {
@@ -192,11 +195,11 @@ pub fn grid(
     })
 }
 
-/// Gain at which the mean display luminance of the linear luminances `y` is [`WELL_LIT`]; `None` if all
+/// Gain at which the mean display luminance of the linear planes of a picture is [`WELL_LIT`]; `None` if all
 /// are 0.
-fn well_lit(y: &[f64], exposure: f64) -> Option<f64> {
-    let is_lit = y.iter().sum::<f64>() > 0.0;
-    is_lit.then(|| gain_for(y, |_| 1.0, WELL_LIT, exposure, Measure::default()))
+fn well_lit(planes: &[f64], exposure: f64, measure: Measure) -> Option<f64> {
+    let is_lit = planes.iter().sum::<f64>() > 0.0;
+    is_lit.then(|| gain_for(planes, |_| 1.0, WELL_LIT, exposure, measure))
 }
 
 #[cfg(test)]
@@ -206,11 +209,11 @@ mod tests {
     #[test]
     fn the_well_lit_gain_brings_the_mean_there() {
         let y = [0.2, 0.4, 0.1];
-        let gain = well_lit(&y, 2.0).unwrap();
+        let gain = well_lit(&y, 2.0, Measure::default()).unwrap();
         let mean =
             y.iter().map(|y| crate::math::display::LuminanceMode::Srgb.encode(gain * y, 2.0)).sum::<f64>()
                 / 3.0;
         assert!((mean - WELL_LIT).abs() < 1e-6);
-        assert_eq!(well_lit(&[0.0], 1.0), None);
+        assert_eq!(well_lit(&[0.0], 1.0, Measure::default()), None);
     }
 }

@@ -27,10 +27,9 @@ use crate::{
         number::{Number, Numbers},
         reach::{MAX_TEXT_BYTES, Reach, ReachError},
     },
-    lighting,
     math::ViewTransform,
     scene::Scene,
-    variables::Constraints,
+    variables::{Constraints, Wishes},
 };
 
 /// How a scene is loaded.
@@ -75,6 +74,8 @@ pub struct Loaded {
     pub constraints: Constraints,
     /// What was left out, replaced or guessed while loading, one line each.
     pub warnings: Vec<String>,
+    /// What the sidecar wishes of the lights.
+    pub wishes: Wishes,
     /// View through which the sidecar says that pictures are seen.
     pub view: Option<ViewTransform>,
     /// Whether Blender's exporter wrote the scene file.
@@ -265,6 +266,7 @@ impl Source<'_> {
             lights: light_constraints,
             value_range: self.value_range(sidecar)?,
             movement: self.movement(&sidecar.movement)?,
+            bonds: Vec::new(),
         };
         let name = self.scene_path.file_stem().map_or("scene".into(), |s| s.to_string_lossy());
         let scene =
@@ -273,11 +275,8 @@ impl Source<'_> {
         scene.origin = self.origin;
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
-        Ok(Loaded { scene, constraints, warnings, view: sidecar.view, is_of_blender, staging: None })
-    }
-
-    fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {
-        lighting::exposure(sidecar.exposure).map_err(|message| self.error("exposure", message))
+        let (wishes, view) = (sidecar.rig.clone(), sidecar.view);
+        Ok(Loaded { scene, constraints, warnings, wishes, view, is_of_blender, staging: None })
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {

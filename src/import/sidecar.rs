@@ -11,7 +11,12 @@ use serde::{
 };
 
 use super::{axes::UpAxis, error::ImportError};
-use crate::{files::toml_file, math::ViewTransform, scene::material::Model, variables::FreeKinds};
+use crate::{
+    files::toml_file,
+    math::ViewTransform,
+    scene::material::Model,
+    variables::{FreeKinds, Wishes},
+};
 
 /// Version of the sidecar format.
 pub const SCHEMA: u32 = 1;
@@ -28,9 +33,8 @@ pub const DEFAULT_FILM: [u32; 2] = [640, 480];
 pub struct Sidecar {
     /// Version of the format; must be [`SCHEMA`].
     pub schema: u32,
-    /// Factor on luminance before display encoding.
-    #[serde(default = "one")]
-    pub exposure: f64,
+    /// Factor on luminance before display encoding; by default 1, or what the camera's settings make.
+    pub exposure: Option<f64>,
     /// View through which pictures are seen; `srgb` by default.
     pub view: Option<ViewTransform>,
     /// Kinds of variables that may be free; all by default.
@@ -55,6 +59,9 @@ pub struct Sidecar {
     /// Region in which lamps may be placed.
     #[serde(default)]
     pub movement: MovementSpec,
+    /// Lights that stay as they are, are off, or follow others.
+    #[serde(default)]
+    pub rig: Wishes,
     /// Lights besides those of a glTF and the materials that emit.
     #[serde(default)]
     pub lights: Vec<LightSpec>,
@@ -81,6 +88,12 @@ pub struct CameraSpec {
     pub size: Option<[u32; 2]>,
     /// Shift of the film to the right and up, in lengths of its longer side; 0 by default.
     pub shift: Option<[f64; 2]>,
+    /// Sensitivity, ISO; with `shutter` and `f_number` in the place of `exposure`.
+    pub iso: Option<f64>,
+    /// Time of exposure, seconds.
+    pub shutter: Option<f64>,
+    /// Focal length over the diameter of the aperture; for the exposure alone.
+    pub f_number: Option<f64>,
     /// Radius of the lens's aperture, metres; a pinhole by default.
     pub aperture_radius: Option<f64>,
     /// Distance of the plane in focus along the optical axis, metres; that of `look_at` by default, else
@@ -337,9 +350,6 @@ pub struct MaterialSpec {
     pub emission: Option<[f64; 3]>,
 }
 
-fn one() -> f64 {
-    1.0
-}
 fn yes() -> bool {
     true
 }

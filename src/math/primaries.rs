@@ -58,6 +58,22 @@ pub fn xyz_to_rec709() -> Option<DMat3> {
     Some(REC709.to_xyz()?.inverse())
 }
 
+/// White of the connection space of ICC profiles, X, Y and Z.
+const D50: DVec3 = DVec3::new(0.9642, 1.0, 0.8249);
+
+/// From X, Y, Z with the white D50, as ICC profiles have them, to linear Rec.709.
+#[must_use]
+pub fn d50_to_rec709() -> Option<DMat3> {
+    let to = REC709.to_xyz()?;
+    Some(to.inverse() * adaptation(D50, to * DVec3::ONE))
+}
+
+/// \[Lindbloom\]: takes colours from one white to another, both as X, Y and Z.
+fn adaptation(from: DVec3, to: DVec3) -> DMat3 {
+    let gain = (BRADFORD * to) / (BRADFORD * from);
+    BRADFORD.inverse() * DMat3::from_diagonal(gain) * BRADFORD
+}
+
 /// Cone responses of the Bradford adaptation, by columns.
 const BRADFORD: DMat3 = DMat3::from_cols(
     DVec3::new(0.8951, -0.7502, 0.0389),
@@ -104,10 +120,7 @@ impl Chromaticities {
     #[must_use]
     pub fn to_rec709(self) -> Option<DMat3> {
         let (from, to) = (self.to_xyz()?, REC709.to_xyz()?);
-        let response = |m: DMat3| BRADFORD * (m * DVec3::ONE);
-        let gain = response(to) / response(from);
-        let adapt = BRADFORD.inverse() * DMat3::from_diagonal(gain) * BRADFORD;
-        let matrix = to.inverse() * adapt * from;
+        let matrix = to.inverse() * adaptation(from * DVec3::ONE, to * DVec3::ONE) * from;
         matrix.is_finite().then_some(matrix)
     }
 

@@ -1,4 +1,4 @@
-//! What the header of a JPEG says about the memory that its decoder needs.
+//! What the header of a JPEG says: about the memory that its decoder needs, and of a gain map.
 
 use std::io::{self, BufRead, Read, Seek};
 
@@ -12,18 +12,26 @@ pub struct Scans {
     /// Whether the decoder keeps the coefficients of the whole picture: those of progressive files,
     /// and of files with a scan for each component.
     pub keeps_all: bool,
+    /// Whether a gain map for brighter displays belongs to the picture.
+    pub has_gain_map: bool,
 }
+
+/// Marks of a gain map in the metadata: \[ISO21496\], the XMP of Ultra HDR, and that of Apple.
+const GAIN_MAPS: [&[u8]; 3] = [b"urn:iso:std:iso:ts:21496:-1", b"hdrgm:", b"hdrgainmap"];
+
+/// What is taken for the worst.
+const WORST: Scans = Scans { components: 3, keeps_all: true, has_gain_map: false };
 
 impl Scans {
     /// Reads up to the first scan. What is damaged is taken for the worst, for the decoder to
     /// judge.
     #[must_use]
     pub fn read(source: &mut (impl BufRead + Seek + ?Sized)) -> Self {
-        Self::parse(source).unwrap_or(Self { components: 3, keeps_all: true })
+        Self::parse(source).unwrap_or(WORST)
     }
 
     fn parse(source: &mut (impl Read + Seek + ?Sized)) -> io::Result<Self> {
-        let mut found = Self { components: 3, keeps_all: true };
+        let mut found = WORST;
         source.read_exact(&mut [0; 2])?;
         loop {
             let [mut mark] = array(source)?;
@@ -40,7 +48,7 @@ impl Scans {
                 // [T81] table B.1: the frames, without DHT, JPG and DAC
                 0xc0..=0xcf if !matches!(mark, 0xc4 | 0xc8 | 0xcc) => {
                     let [_, _, _, _, _, components] = array(source)?;
-                    found = Self { components, keeps_all: !matches!(mark, 0xc0 | 0xc1) };
+                    found = Self { components, keeps_all: !matches!(mark, 0xc0 | 0xc1), ..found };
                     left -= 6;
                 }
                 0xda => {
@@ -49,6 +57,14 @@ impl Scans {
                     return Ok(found);
                 }
                 0xd9 => return Ok(found),
+                // APP1 and APP2
+                0xe1 | 0xe2 => {
+                    let mut metadata = vec![0; left as usize];
+                    source.read_exact(&mut metadata)?;
+                    let has = |mark: &&[u8]| metadata.windows(mark.len()).any(|part| part == *mark);
+                    found.has_gain_map |= GAIN_MAPS.iter().any(has);
+                    left = 0;
+                }
                 _ => {}
             }
             source.seek_relative(left)?;
@@ -74,6 +90,21 @@ mod tests {
         bytes.extend([0; 9]);
         bytes.extend([0xff, 0xda, 0, 6 + 2 * scan, scan]);
         bytes
+    }
+
+    #[test]
+    fn gain_maps_are_seen() {
+        let scans = |bytes: Vec<u8>| Scans::read(&mut Cursor::new(bytes));
+        assert!(!scans(jpeg(0xc0, 3)).has_gain_map);
+        for mark in GAIN_MAPS {
+            let mut bytes = b"\xff\xd8\xff\xe2".to_vec();
+            bytes.extend((mark.len() as u16 + 4).to_be_bytes());
+            bytes.push(b'x');
+            bytes.extend(mark);
+            bytes.push(0);
+            bytes.extend(&jpeg(0xc0, 3)[2..]);
+            assert_eq!(scans(bytes), Scans { components: 3, keeps_all: false, has_gain_map: true });
+        }
     }
 
     #[test]

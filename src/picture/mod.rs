@@ -128,8 +128,10 @@ pub struct Picture {
     /// linear luminance and, where the file has it, colour, see [`Measure::planes`](crate::math::Measure::planes).
     /// Empty where there are none.
     pub replicates: Vec<Vec<f32>>,
-    /// Linear light by sample; empty for floating point.
-    table: Vec<f64>,
+    /// The profile that decodes the samples; `None` where `colour` does alone.
+    profile: Option<icc::Profile>,
+    /// Linear light by sample, of every channel of colours or of all; none for floating point.
+    tables: Vec<Vec<f64>>,
 }
 
 /// A file or bytes in memory.
@@ -178,13 +180,7 @@ impl Picture {
     /// A picture of decoded samples, which `turn` brings upright.
     fn new(size: [usize; 2], channels: usize, samples: Samples, colour: Colour, turn: Orientation) -> Self {
         let (samples, [width, height]) = samples.upright(size, channels, turn);
-        let steps = match samples {
-            Samples::U8(_) => 255,
-            Samples::U16(_) => 65_535,
-            Samples::F32(_) => 0,
-        };
-        let decode = |v: u32| colour.transfer.decode(f64::from(v) / f64::from(steps));
-        let table = if steps > 0 { (0..=steps).map(decode).collect() } else { Vec::new() };
+        let tables = tables(&samples, 1, |_, v| colour.transfer.decode(v));
         Self {
             width,
             height,
@@ -196,8 +192,17 @@ impl Picture {
             attribute: None,
             mask: None,
             replicates: Vec::new(),
-            table,
+            profile: None,
+            tables,
         }
+    }
+
+    /// The same picture, decoded by a profile.
+    fn decoded_by(mut self, profile: icc::Profile) -> Self {
+        self.tables = tables(&self.samples, profile.n_curves(), |c, v| profile.decode(c, v));
+        self.colour.matrix = Some(profile.matrix);
+        self.profile = Some(profile);
+        self
     }
 
     /// What our EXR files say of themselves; `path` is that of the file.
@@ -227,11 +232,13 @@ impl Picture {
     pub fn stored(&self, pixel: usize) -> [f64; 4] {
         let n = self.channels;
         match &self.samples {
-            Samples::U8(s) => rgba(&s[pixel * n..][..n], |v| f64::from(v) / 255.0, |v| f64::from(v) / 255.0),
-            Samples::U16(s) => {
-                rgba(&s[pixel * n..][..n], |v| f64::from(v) / 65_535.0, |v| f64::from(v) / 65_535.0)
+            Samples::U8(s) => {
+                rgba(&s[pixel * n..][..n], |_, v| f64::from(v) / 255.0, |v| f64::from(v) / 255.0)
             }
-            Samples::F32(s) => rgba(&s[pixel * n..][..n], f64::from, f64::from),
+            Samples::U16(s) => {
+                rgba(&s[pixel * n..][..n], |_, v| f64::from(v) / 65_535.0, |v| f64::from(v) / 65_535.0)
+            }
+            Samples::F32(s) => rgba(&s[pixel * n..][..n], |_, v| f64::from(v), f64::from),
         }
     }
 
@@ -239,16 +246,19 @@ impl Picture {
     #[must_use]
     pub fn decoded(&self, pixel: usize) -> [f64; 4] {
         let n = self.channels;
+        let table = |channel: usize| &self.tables[channel.min(self.tables.len() - 1)];
+        let float = |channel: usize, v: f32| match &self.profile {
+            None => self.colour.transfer.decode(f64::from(v)),
+            Some(profile) => profile.decode(channel, f64::from(v)),
+        };
         let [r, g, b, a] = match &self.samples {
             Samples::U8(s) => {
-                rgba(&s[pixel * n..][..n], |v| self.table[usize::from(v)], |v| f64::from(v) / 255.0)
+                rgba(&s[pixel * n..][..n], |c, v| table(c)[usize::from(v)], |v| f64::from(v) / 255.0)
             }
             Samples::U16(s) => {
-                rgba(&s[pixel * n..][..n], |v| self.table[usize::from(v)], |v| f64::from(v) / 65_535.0)
+                rgba(&s[pixel * n..][..n], |c, v| table(c)[usize::from(v)], |v| f64::from(v) / 65_535.0)
             }
-            Samples::F32(s) => {
-                rgba(&s[pixel * n..][..n], |v| self.colour.transfer.decode(f64::from(v)), f64::from)
-            }
+            Samples::F32(s) => rgba(&s[pixel * n..][..n], float, f64::from),
         };
         let [r, g, b] = self.colour.mix([r, g, b]);
         [r, g, b, a]
@@ -287,13 +297,25 @@ fn array<const N: usize>(source: &mut (impl Read + ?Sized)) -> io::Result<[u8; N
     Ok(bytes)
 }
 
-/// Colour and alpha of a pixel's samples.
-fn rgba<T: Copy>(samples: &[T], colour: impl Fn(T) -> f64, alpha: impl Fn(T) -> f64) -> [f64; 4] {
+/// Tables of the light of integer samples, one for each of `n` channels; none for floating point.
+fn tables(samples: &Samples, n: usize, decode: impl Fn(usize, f64) -> f64) -> Vec<Vec<f64>> {
+    let steps: u32 = match samples {
+        Samples::U8(_) => 255,
+        Samples::U16(_) => 65_535,
+        Samples::F32(_) => return Vec::new(),
+    };
+    let of_channel = |c| (0..=steps).map(|v| decode(c, f64::from(v) / f64::from(steps))).collect();
+    (0..n).map(of_channel).collect()
+}
+
+/// Colour and alpha of a pixel's samples; `colour` is told the channel.
+fn rgba<T: Copy>(samples: &[T], colour: impl Fn(usize, T) -> f64, alpha: impl Fn(T) -> f64) -> [f64; 4] {
+    let three = |r: T, g: T, b: T, a: f64| [colour(0, r), colour(1, g), colour(2, b), a];
     match *samples {
-        [grey] => [colour(grey), colour(grey), colour(grey), 1.0],
-        [grey, a] => [colour(grey), colour(grey), colour(grey), alpha(a)],
-        [r, g, b] => [colour(r), colour(g), colour(b), 1.0],
-        [r, g, b, a] => [colour(r), colour(g), colour(b), alpha(a)],
+        [grey] => three(grey, grey, grey, 1.0),
+        [grey, a] => three(grey, grey, grey, alpha(a)),
+        [r, g, b] => three(r, g, b, 1.0),
+        [r, g, b, a] => three(r, g, b, alpha(a)),
         _ => unreachable!("a picture has one to four channels"),
     }
 }

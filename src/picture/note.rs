@@ -25,6 +25,8 @@ pub enum Note {
     FurtherPages,
     /// Inks of an unknown printer.
     Cmyk,
+    /// What brighter displays would show beyond white.
+    GainMap,
     /// Chromaticities of no device.
     ChromaticitiesIgnored,
     /// The only channel of an EXR, of a name that does not say grey.
@@ -60,6 +62,7 @@ impl fmt::Display for Note {
             }
             Self::FurtherPages => write!(f, "only the first of its pictures is read"),
             Self::Cmyk => write!(f, "its CMYK colours are turned into RGB roughly, without a profile"),
+            Self::GainMap => write!(f, "its gain map for brighter displays is ignored"),
             Self::ChromaticitiesIgnored => {
                 write!(f, "its chromaticities are those of no device and are ignored")
             }

@@ -6,7 +6,7 @@ use png::{CodingIndependentCodePoints, Decoder, Info, Limits};
 
 use super::budget::METADATA_BUDGET;
 use super::primaries::{self, Chromaticities};
-use super::raster::{About, icc_note};
+use super::raster::About;
 use super::{Colour, Fault, Format, Note, Transfer};
 
 /// The gAMA values that stand for sRGB: 1/2.2 in five digits, as \[PNG3\] 11.3.2.3 has writers put
@@ -14,7 +14,7 @@ use super::{Colour, Fault, Format, Note, Transfer};
 const SRGB_GAMMA: std::ops::RangeInclusive<u32> = 45_450..=45_460;
 
 /// What the chunks before the pixels say, in the order of precedence of \[PNG3\] 4.3: cICP, iCCP
-/// (which is not read), sRGB, then gAMA and cHRM.
+/// (which the caller reads), sRGB, then gAMA and cHRM.
 pub(super) fn about(source: &mut (impl BufRead + Seek + ?Sized), plain: About) -> Result<About, Fault> {
     source.seek(SeekFrom::Start(0))?;
     let mut decoder = Decoder::new_with_limits(source, Limits { bytes: METADATA_BUDGET as usize });
@@ -22,13 +22,12 @@ pub(super) fn about(source: &mut (impl BufRead + Seek + ?Sized), plain: About) -
     let reader = decoder.read_info().map_err(|e| Fault::decode(Format::Png, e))?;
     let info = reader.info();
     let further = info.animation_control.is_some().then_some(Note::FurtherPages);
-    let plain = About { asks_profile: false, notes: further.into_iter().collect(), ..plain };
+    let plain = About { notes: further.into_iter().collect(), ..plain };
     if let Some(points) = info.coding_independent_code_points {
-        return Ok(About { colour: coded(points)?, ..plain });
+        return Ok(About { colour: coded(points)?, asks_profile: false, ..plain });
     }
     let (colour, note) = if info.srgb.is_some() { (plain.colour, None) } else { stated(info, plain.colour) };
-    let icc = icc_note(info.icc_profile.as_ref().map(|profile| profile.to_vec()), &colour);
-    let notes = plain.notes.into_iter().chain(icc).chain(note).collect();
+    let notes = plain.notes.into_iter().chain(note).collect();
     Ok(About { colour, notes, ..plain })
 }
 

@@ -37,26 +37,27 @@ pub(super) fn read(
     let needed = pixel + turning.max(about.working) + reading.kept as u64;
     budget::check([u64::from(width), u64::from(height)], needed)?;
 
-    let mut notes = about.notes;
-    if reading.purpose.honours_metadata() && about.asks_profile {
-        notes.extend(icc_note(decoder.icc_profile().ok().flatten(), &about.colour));
-    }
+    let profile = match reading.purpose.honours_metadata() && about.asks_profile {
+        true => decoder.icc_profile().ok().flatten(),
+        false => None,
+    };
     let image = DynamicImage::from_decoder(decoder).map_err(decode)?;
     let (mut channels, mut samples) = samples(image, format)?;
     if about.alpha.is_none() {
         (channels, samples) = opaque(channels, samples);
     }
     let size = [width as usize, height as usize];
+    let profiled = Profiled::of(profile, &about.colour, channels);
     let mut picture = Picture::new(size, channels, samples, about.colour, turn);
-    (picture.notes, picture.alpha) = (notes, about.alpha.unwrap_or(Alpha::Straight));
-    Ok(picture)
+    (picture.notes, picture.alpha) = (about.notes, about.alpha.unwrap_or(Alpha::Straight));
+    Ok(profiled.apply(picture))
 }
 
 /// What a file says that its decoder does not.
 pub(super) struct About {
     /// What its numbers mean.
     pub colour: Colour,
-    /// Whether a profile that the decoder finds should be spoken of.
+    /// Whether a profile that the decoder finds counts.
     pub asks_profile: bool,
     /// What its alpha means; `None` when it means nothing.
     pub alpha: Option<Alpha>,
@@ -87,7 +88,8 @@ impl About {
                 source.seek(SeekFrom::Start(0))?;
                 let scans = jpeg::Scans::read(source);
                 let is_cmyk = scans.components == 4;
-                let notes = if is_cmyk { vec![Note::Cmyk] } else { Vec::new() };
+                let mut notes = if is_cmyk { vec![Note::Cmyk] } else { Vec::new() };
+                notes.extend(scans.has_gain_map.then_some(Note::GainMap));
                 Self { working: scans.working(), notes, asks_profile: !is_cmyk, ..plain }
             }
             Format::WebP => {
@@ -107,17 +109,61 @@ fn is_animated_webp(source: &mut (impl BufRead + Seek + ?Sized)) -> bool {
     is_read && start[12..16] == *b"VP8X" && start[20] & 0x02 != 0
 }
 
+/// What a picture's profile makes of it.
+#[derive(Debug)]
+pub(super) enum Profiled {
+    /// It is decoded by the profile.
+    By(icc::Profile),
+    /// It is decoded as if there were none, of which this may be said.
+    Not(Option<Note>),
+}
+
+impl Profiled {
+    /// What `profile` makes of a picture that otherwise is taken as `colour`.
+    pub fn of(profile: Option<Vec<u8>>, colour: &Colour, channels: usize) -> Self {
+        match profile {
+            Some(bytes) if !(is_srgb(&bytes) && is_taken_as_srgb(colour)) => {
+                match icc::Profile::read(&bytes, channels <= 2) {
+                    Some(profile) => Self::By(profile),
+                    None => Self::Not(icc_note(&bytes, colour)),
+                }
+            }
+            _ => Self::Not(None),
+        }
+    }
+
+    /// The picture, and what is said.
+    pub fn apply(self, picture: Picture) -> Picture {
+        match self {
+            Self::By(profile) => picture.decoded_by(profile),
+            Self::Not(note) => {
+                let mut picture = picture;
+                picture.notes.extend(note);
+                picture
+            }
+        }
+    }
+}
+
 /// How profiles of sRGB call themselves, in lower case.
 const SRGB_PROFILES: [&str; 5] =
     ["srgb iec61966", "srgb built-in", "srgb2014", "srgb color space", "iec 61966-2-1 default rgb"];
 
-/// What to say of a profile, when `colour` is what its picture is taken as.
-pub(super) fn icc_note(profile: Option<Vec<u8>>, colour: &Colour) -> Option<Note> {
-    let name = icc::description(&profile?);
-    let lower = name.as_deref().unwrap_or_default().to_lowercase();
-    let is_srgb = lower == "srgb" || SRGB_PROFILES.iter().any(|known| lower.starts_with(known));
-    let is_taken_as_srgb = colour.is_plain() && colour.transfer == Transfer::Srgb;
-    (!is_srgb || !is_taken_as_srgb).then_some(Note::IccIgnored { profile: name, is_taken_as_srgb })
+/// Whether a profile is one of sRGB, by its name.
+fn is_srgb(profile: &[u8]) -> bool {
+    let lower = icc::description(profile).unwrap_or_default().to_lowercase();
+    lower == "srgb" || SRGB_PROFILES.iter().any(|known| lower.starts_with(known))
+}
+
+fn is_taken_as_srgb(colour: &Colour) -> bool {
+    colour.is_plain() && colour.transfer == Transfer::Srgb
+}
+
+/// What to say of a profile that is not read, when `colour` is what its picture is taken as.
+fn icc_note(profile: &[u8], colour: &Colour) -> Option<Note> {
+    let is_taken_as_srgb = is_taken_as_srgb(colour);
+    let is_right = is_srgb(profile) && is_taken_as_srgb;
+    (!is_right).then(|| Note::IccIgnored { profile: icc::description(profile), is_taken_as_srgb })
 }
 
 fn image_format(format: Format) -> ImageFormat {

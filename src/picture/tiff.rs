@@ -8,7 +8,7 @@ use tiff::{ColorType, TiffError};
 
 use super::budget::{self, METADATA_BUDGET, PICTURE_BUDGET};
 use super::primaries::Chromaticities;
-use super::raster::icc_note;
+use super::raster::Profiled;
 use super::{Alpha, Colour, Fault, Format, Note, Picture, Reading, Samples, Source, Transfer};
 
 /// \[TIFF6\] section 20.
@@ -52,24 +52,25 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
     let samples = kind.samples(result, &layout, size)?;
     let (channels, samples) = kind.colours(samples, &mut decoder);
     let transfer = if kind.is_float { Transfer::Linear } else { Transfer::Srgb };
-    let mut notes = Vec::new();
+    let (mut notes, mut profile) = (Vec::new(), None);
     let mut colour = Colour::rec709(transfer);
     if reading.purpose.honours_metadata() {
         match stated(&mut decoder, colour) {
             Some(stated) => colour = stated,
             None => notes.push(Note::ChromaticitiesIgnored),
         }
-        notes.extend(match kind.colour {
-            ColorType::CMYK(_) | ColorType::CMYKA(_) => Some(Note::Cmyk),
-            _ => icc_note(decoder.get_tag_u8_vec(Tag::IccProfile).ok(), &colour),
-        });
+        match kind.colour {
+            ColorType::CMYK(_) | ColorType::CMYKA(_) => notes.push(Note::Cmyk),
+            _ => profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok(),
+        }
         if decoder.more_images() {
             notes.push(Note::FurtherPages);
         }
     }
+    let profiled = Profiled::of(profile, &colour, channels);
     let mut picture = Picture::new(size, channels, samples, colour, turn);
     (picture.notes, picture.alpha) = (notes, kind.alpha);
-    Ok(picture)
+    Ok(profiled.apply(picture))
 }
 
 /// Goes to the first picture that is neither a preview of another nor its mask.

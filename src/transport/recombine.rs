@@ -58,13 +58,15 @@ pub struct LightingGradient {
     pub size: Vec<f64>,
     /// Derivative by the background's value; 0 if that is not free.
     pub value: f64,
+    /// Derivative by the exposure, of which a basis knows nothing: 0 where it was not added.
+    pub exposure: f64,
 }
 
 impl LightingGradient {
     /// Gradient of a number that depends on nothing, for `n` lights.
     #[must_use]
     pub fn zero(n: usize) -> Self {
-        Self { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0 }
+        Self { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0, exposure: 0.0 }
     }
 }
 

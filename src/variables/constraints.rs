@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Movement, VariableKind};
+use super::{Bond, Movement, VariableKind};
 
 /// Kinds of variables that are free.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -10,9 +10,9 @@ use super::{Movement, VariableKind};
 pub struct FreeKinds(pub Vec<VariableKind>);
 
 impl Default for FreeKinds {
-    /// All kinds are free.
+    /// All usual kinds are free.
     fn default() -> Self {
-        Self(VariableKind::all().collect())
+        Self(VariableKind::all().filter(|kind| kind.is_usual()).collect())
     }
 }
 
@@ -47,6 +47,8 @@ pub struct Constraints {
     pub value_range: Option<[f32; 2]>,
     /// Region in which lamps may be placed.
     pub movement: Movement,
+    /// Lights that follow others, leaders before their followers.
+    pub bonds: Vec<Bond>,
 }
 
 /// Freedom and bounds of the variables of a light.

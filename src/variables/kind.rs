@@ -30,6 +30,11 @@ pub trait Kind: fmt::Debug + Sync {
     /// Last part of a variable's name, `OWNER.suffix`.
     fn suffix(&self) -> &'static str;
 
+    /// Whether variables of the kind are free where nobody says what is.
+    fn is_usual(&self) -> bool {
+        true
+    }
+
     /// Bounds, start and scale of the variable of a light, or of the scene (`light` is then 0), if it is
     /// free; `None` if it has no effect.
     fn range(&self, scene: &SurveyedScene, light: usize) -> Option<Range>;
@@ -104,6 +109,8 @@ pub struct SurveyedScene<'a> {
     pub bright: &'a [f64],
     /// Radiance of each light at the neutral start.
     pub neutral: Vec<f64>,
+    /// Exposure that the author gave, or the command line.
+    pub exposure: f64,
 }
 
 /// Ranges of sizes and of the background's value that a transport basis must hold.

@@ -7,6 +7,7 @@
 mod background;
 pub mod bounds;
 mod constraints;
+mod exposure;
 mod kind;
 mod movement;
 mod radiance;
@@ -15,6 +16,7 @@ mod size;
 pub mod survey;
 mod table;
 mod variable;
+mod wishes;
 
 pub use constraints::{Constraints, FreeKinds, LightConstraints};
 pub use kind::{BasisRanges, Kind, Limits, MatchedStart, Owner, SizeBounds, SurveyedScene, VariableKind};
@@ -23,3 +25,4 @@ pub use range::{Range, Scale};
 pub use survey::{Fitted, Survey, SurveyError};
 pub use table::KINDS;
 pub use variable::{ParamVector, Variable};
+pub use wishes::{Bond, Followed, Tie, WishError, Wishes};

@@ -17,8 +17,8 @@
 use rayon::prelude::*;
 
 use super::{
-    BasisRanges, Constraints, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range, SizeBounds,
-    SurveyedScene, Variable, VariableKind, bounds,
+    BasisRanges, Bond, Constraints, Followed, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range,
+    SizeBounds, SurveyedScene, Tie, Variable, VariableKind, bounds,
 };
 use crate::{film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene};
 
@@ -55,10 +55,14 @@ const BISECTIONS: u32 = 27;
 pub enum SurveyError {
     #[error("the scene has no lights; add [[lights]] to its sidecar, or a material that emits")]
     NoLights,
-    #[error("nothing is free: allow radiance, size or background with --free, or `free` in the sidecar")]
+    #[error(
+        "nothing is free: allow radiance, size, background or exposure with --free, or `free` in the sidecar"
+    )]
     NothingFree,
     #[error("light `{light}` does not light the picture; move it or turn it")]
     LightsNothing { light: String },
+    #[error("light `{light}` brings no light to the main object, so that `{other}` has no ratio to it")]
+    BringsNothing { light: String, other: String },
     #[error("light `{light}` is within {distance:.1e} m of a surface at any size; move it away")]
     NoRoom { light: String, distance: f32 },
 }
@@ -258,6 +262,8 @@ pub struct Survey<'a> {
     images: Vec<Vec<f64>>,
     /// Mean linear luminance of the picture of each light alone at radiance 1.
     pub means: Vec<f64>,
+    /// The same over the main object.
+    brought: Vec<f64>,
     /// Radiance of each light at which it alone shows what it lights at [`BRIGHT`].
     pub bright: Vec<f64>,
     /// Mean linear luminance that every light contributes at the neutral start.
@@ -265,7 +271,8 @@ pub struct Survey<'a> {
 }
 
 impl<'a> Survey<'a> {
-    /// Survey of the picture `unit`, a render with every light at radiance 1 and its fitted size.
+    /// Survey of the picture `unit`, a render with every light at radiance 1 and its fitted size, whose main
+    /// object is in the mask.
     #[must_use]
     pub fn new(
         scene: &'a Scene,
@@ -273,19 +280,22 @@ impl<'a> Survey<'a> {
         constraints: &'a Constraints,
         free: &'a FreeKinds,
         measure: Measure,
-        unit: &Picture,
+        (unit, mask): (&Picture, &[bool]),
     ) -> Self {
         let exposure = fitted.lighting.exposure;
         let images: Vec<Vec<f64>> = unit.lights.iter().map(|light| measure.planes(light)).collect();
         let n = unit.rgb.len();
         let means: Vec<f64> = images.iter().map(|y| y[..n].iter().sum::<f64>() / n as f64).collect();
+        let n_object = mask.iter().filter(|&&m| m).count().max(1) as f64;
+        let on_object = |y: &Vec<f64>| y.iter().zip(mask).filter(|(_, m)| **m).map(|(y, _)| y).sum::<f64>();
+        let brought = images.iter().map(|y| on_object(y) / n_object).collect();
         let alike: Vec<f64> = (0..n * measure.n_planes())
             .map(|p| images.iter().zip(&means).filter(|(_, m)| **m > 0.0).map(|(y, m)| y[p] / m).sum())
             .collect();
         let gain = gain_for(&alike, |_| 1.0, START, exposure, measure);
         let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, measure));
         let bright = bright.collect();
-        Self { scene, fitted, constraints, free, measure, images, means, bright, gain }
+        Self { scene, fitted, constraints, free, measure, images, means, brought, bright, gain }
     }
 
     /// Results from which the ranges of the variables follow.
@@ -297,6 +307,7 @@ impl<'a> Survey<'a> {
             radiance_max: self.constraints.lights.iter().map(|light| light.radiance_max).collect(),
             bright: &self.bright,
             neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
+            exposure: self.fitted.lighting.exposure,
         }
     }
 
@@ -334,7 +345,28 @@ impl<'a> Survey<'a> {
         if variables.is_empty() {
             return Err(SurveyError::NothingFree);
         }
-        Ok(ParamVector { variables })
+        Ok(ParamVector { variables, ties: self.ties()? })
+    }
+
+    /// Ties of the radiances of lights that follow others: where they follow what a light brings to the main
+    /// object, by what each brings at radiance 1.
+    fn ties(&self) -> Result<Vec<Tie>, SurveyError> {
+        let name = |light: usize| self.scene.lights[light].name.clone();
+        let brought = |light: usize, other: usize| match self.brought[light] {
+            mean if mean > 0.0 => Ok(mean),
+            _ => Err(SurveyError::BringsNothing { light: name(light), other: name(other) }),
+        };
+        let tie = |bond: &Bond| {
+            let Bond { light, leader, factor, .. } = *bond;
+            Ok(match bond.of {
+                Followed::Radiance => Tie { light, leader, factor },
+                Followed::Brought => {
+                    let factor = factor * brought(leader, light)? / brought(light, leader)?;
+                    Tie { light, leader, factor }
+                }
+            })
+        };
+        self.constraints.bonds.iter().map(tie).collect()
     }
 
     /// Starts of a search, as points of the unit cube with their names: the neutral start first, then

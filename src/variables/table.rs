@@ -2,13 +2,15 @@
 
 use serde::{Deserialize, Deserializer, de::Error as _};
 
-use super::{Kind, Owner, VariableKind, background::Background, radiance::Radiance, size::Size};
+use super::{
+    Kind, Owner, VariableKind, background::Background, exposure::Exposure, radiance::Radiance, size::Size,
+};
 
 /// All kinds of variables, in the order in which the variables of a light are listed.
-pub static KINDS: [&dyn Kind; 3] = [&Radiance, &Size, &Background];
+pub static KINDS: [&dyn Kind; 4] = [&Radiance, &Size, &Background, &Exposure];
 
 /// Keywords of all kinds, in the order of [`KINDS`].
-const KEYWORDS: [&str; 3] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD];
+const KEYWORDS: [&str; 4] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD, Exposure::KEYWORD];
 
 impl VariableKind {
     /// All kinds of variables, in the order of [`KINDS`].

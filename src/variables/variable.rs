@@ -1,8 +1,10 @@
 //! Free variables of a run, and their map from the unit cube to a lighting.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 
-use super::{MatchedStart, Range, Scale, VariableKind};
+use super::{MatchedStart, Range, Scale, Tie, VariableKind, exposure::Exposure};
 use crate::{
     lighting::Lighting,
     math::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb},
@@ -12,7 +14,7 @@ use crate::{
 /// A free variable.
 #[derive(Clone, Debug, Serialize)]
 pub struct Variable {
-    /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
+    /// `LIGHT.radiance`, `LIGHT.size`, `background.value` or `camera.exposure`.
     pub name: String,
     /// Unit of the value.
     pub unit: &'static str,
@@ -119,7 +121,7 @@ impl Variable {
 ///     kind: VariableKind::named("size").expect("is a kind"),
 ///     light: 0,
 /// };
-/// let variables = ParamVector { variables: vec![size] };
+/// let variables = ParamVector { variables: vec![size], ..ParamVector::default() };
 ///
 /// // The optimiser works on the unit cube; half-way of a logarithmic scale is the geometric mean.
 /// assert_eq!(variables.start(), [0.5]);
@@ -127,11 +129,14 @@ impl Variable {
 /// assert!((lighting.size[0] - 4.0).abs() < 1e-12);
 /// # Ok::<(), import::ImportError>(())
 /// ```
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 #[serde(transparent)]
 pub struct ParamVector {
     /// Variables in the order of the optimiser's components.
     pub variables: Vec<Variable>,
+    /// Radiances that follow others, leaders before their followers.
+    #[serde(skip)]
+    pub ties: Vec<Tie>,
 }
 
 impl ParamVector {
@@ -139,6 +144,12 @@ impl ParamVector {
     #[must_use]
     pub fn len(&self) -> usize {
         self.variables.len()
+    }
+
+    /// Whether the exposure is among the variables.
+    #[must_use]
+    pub fn vary_exposure(&self) -> bool {
+        self.variables.iter().any(|v| v.kind.keyword() == Exposure::KEYWORD)
     }
 
     /// Whether there are no variables.
@@ -171,11 +182,20 @@ impl ParamVector {
         for (v, &value) in self.variables.iter().zip(values) {
             *v.kind.value(&mut x, v.light) = value;
         }
+        for tie in &self.ties {
+            x.radiance[tie.light] = tie.factor * x.radiance[tie.leader];
+        }
         x
     }
 
     /// Writes the gradient of a number by `u` to `gradient`, from its gradient by the lighting at `u`.
     pub fn pull_back(&self, u: &[f64], by_lighting: &LightingGradient, gradient: &mut [f64]) {
+        let mut carried = Cow::Borrowed(by_lighting);
+        for tie in self.ties.iter().rev() {
+            let of_follower = tie.factor * carried.radiance[tie.light];
+            carried.to_mut().radiance[tie.leader] += of_follower;
+        }
+        let by_lighting = &*carried;
         for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
             *g = v.kind.derivative(by_lighting, v.light) * v.slope(u);
         }
@@ -185,6 +205,31 @@ impl ParamVector {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The map from fewer variables to the radiances, and its transpose: the gradient of Σ c_l·L_l by the
+    /// leader's radiance is that along all that follow it.
+    #[test]
+    fn ties_carry_values_forth_and_gradients_back() {
+        let key = Variable {
+            name: "key.radiance".into(),
+            unit: "1",
+            lower: 0.0,
+            upper: 10.0,
+            initial: 4.0,
+            scale: Scale::Linear,
+            kind: VariableKind::named("radiance").unwrap(),
+            light: 0,
+        };
+        let tie = |light, leader, factor| Tie { light, leader, factor };
+        let v = ParamVector { variables: vec![key], ties: vec![tie(2, 0, 0.25), tie(1, 2, 0.5)] };
+        let fixed = Lighting { radiance: vec![1.0; 4], size: vec![1.0; 4], value: 1.0, exposure: 1.0 };
+        assert_eq!(v.lighting(fixed, &[8.0]).radiance, [8.0, 1.0, 2.0, 1.0]);
+        let mut by_lighting = LightingGradient::zero(4);
+        by_lighting.radiance = vec![1.0, 10.0, 100.0, 1000.0];
+        let mut gradient = [0.0];
+        v.pull_back(&[0.8], &by_lighting, &mut gradient);
+        assert!((gradient[0] - 10.0 * (1.0 + 0.125 * 10.0 + 0.25 * 100.0)).abs() < 1e-12);
+    }
 
     #[test]
     fn scales_invert_and_a_light_that_is_off_can_come_on() {

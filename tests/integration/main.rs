@@ -30,4 +30,5 @@ mod run;
 mod sidecar;
 mod smooth_metal;
 mod stage;
+mod views;
 mod white_sky;

@@ -60,12 +60,14 @@ fn variables() -> ParamVector {
     };
     let sizes = SIZES.map(f64::from);
     ParamVector {
+        ties: vec![],
         variables: vec![
             variable("radiance", 0, [0.0, 30.0], Scale::Perceptual),
             variable("size", 0, sizes, Scale::Logarithmic),
             variable("radiance", 1, [0.0, 60.0], Scale::Perceptual),
             variable("size", 1, sizes, Scale::Logarithmic),
             variable("background", 0, [0.05, f64::from(LARGEST_VALUE)], Scale::Perceptual),
+            variable("exposure", 0, [0.25, 4.0], Scale::Logarithmic),
         ],
     }
 }
@@ -98,14 +100,14 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
     let aovs = aov::trace(View { scene: &scene, camera: &scene.camera }, 1.0);
     let mut random = Random::new(&[61]);
     let mut points: Vec<Vec<f64>> =
-        (0..6).map(|_| (0..5).map(|_| f64::from(random.range(0.1, 0.9))).collect()).collect();
+        (0..6).map(|_| (0..6).map(|_| f64::from(random.range(0.1, 0.9))).collect()).collect();
     // Each variable on a bound of its own, and all at once.
     for (i, bound) in [(0, 0.0), (1, 1.0), (2, 0.0), (3, 0.0), (4, 0.0), (4, 1.0)] {
         let mut u = points[i].clone();
         u[i] = bound;
         points.push(u);
     }
-    points.push(vec![0.0, 1.0, 0.5, 0.0, 1.0]);
+    points.push(vec![0.0, 1.0, 0.5, 0.0, 1.0, 0.4]);
     let through = |view| Measure { view, luminance: LuminanceMode::Srgb };
     let measures = [
         ("high-key", Measure::default()),

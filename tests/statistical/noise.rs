@@ -100,7 +100,7 @@ fn the_error_bar_covers_the_truth_and_the_bias_is_gone() {
     let scene = scene();
     let objective = objective(&scene);
     let truth = truth(&scene, &lighting(), &objective, 4 * 4096);
-    let nothing = ParamVector { variables: Vec::new() };
+    let nothing = ParamVector::default();
     for spp in [16, 64] {
         let (mut found, mut naive, mut covered) = (Moments::default(), Moments::default(), 0);
         let mut told = Moments::default();
@@ -146,6 +146,7 @@ fn a_check_at_an_optimum_tells_the_truth() {
         light,
     };
     let variables = ParamVector {
+        ties: vec![],
         variables: vec![
             variable("panel", 16.0, "radiance", 0),
             variable("bulb", 40.0, "radiance", 1),

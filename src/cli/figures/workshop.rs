@@ -193,6 +193,7 @@ impl<'a> Workshop<'a> {
             integrator: transport.integrator(),
             sampler: transport.sampler,
             seed: transport.seed,
+            view: settings.view,
             products: &products,
         };
         console.stage("rendering the transport basis", Some(u64::from(how.size.y)));

@@ -151,7 +151,7 @@ impl Carrier {
         if !has_both(&masks[1].1) {
             (reduced, masks[1]) = (basis.clone(), masks[0].clone());
         }
-        let variables = variables(&scene, &fitted, constraints, options, &reduced);
+        let variables = variables(&scene, &fitted, constraints, options, (&reduced, &masks[1].1));
         let fixed = dark(&fitted.lighting, n_own);
         let measure = options.measure;
         let carrier = Self { n_own, lamps, basis, reduced, variables, fixed, measure, masks };
@@ -206,7 +206,8 @@ impl Carrier {
         };
         Part {
             basis: basis.of_lights(lights),
-            variables: ParamVector { variables: of_lights.chain(of_scene).collect() },
+            // Lights that follow others are free here; the search that follows ties them.
+            variables: ParamVector { variables: of_lights.chain(of_scene).collect(), ties: Vec::new() },
             fixed,
             measure: self.measure,
         }
@@ -311,7 +312,7 @@ fn variables(
     fitted: &Fitted,
     constraints: &Constraints,
     options: &RunOptions,
-    basis: &TransportBasis,
+    (basis, mask): (&TransportBasis, &[bool]),
 ) -> Vec<Variable> {
     let n = fitted.lighting.n_lights();
     let size = basis.layout().size.to_array().map(|n| n as usize);
@@ -319,11 +320,11 @@ fn variables(
         unit_image(basis, &fitted.lighting, l).into_iter().map(|y| [y as f32; 3]).collect()
     };
     let unit = Picture::of_lights(size, (0..n).into_par_iter().map(grey).collect());
-    let mut constraints = constraints.clone();
+    let mut constraints = Constraints { bonds: Vec::new(), ..constraints.clone() };
     let lamp = LightConstraints { is_from_file: true, ..LightConstraints::default() };
     constraints.lights.resize(n, lamp);
     constraints.lights.iter_mut().for_each(|light| light.is_from_file = true);
     let free = FreeKinds(options.free.0.iter().copied().filter(|kind| kind.keyword() != "size").collect());
-    let survey = Survey::new(scene, fitted, &constraints, &free, options.measure, &unit);
+    let survey = Survey::new(scene, fitted, &constraints, &free, options.measure, (&unit, mask));
     survey.variables().map(|vector| vector.variables).unwrap_or_default()
 }

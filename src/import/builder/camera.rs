@@ -13,6 +13,7 @@ use crate::{
         imported::{Imported, ImportedCamera},
         sidecar::{CameraName, CameraSpec, DEFAULT_FILM, Sidecar},
     },
+    lighting,
 };
 
 /// Largest aspect ratio, and inverse of the smallest, of an imported camera's film: beyond it a film
@@ -27,7 +28,49 @@ const MAX_SHIFT: f64 = 10.0;
 /// Keys of `[camera]` that say where a camera is and what it sees.
 const PLACE: &str = "`position`, `look_at`, `up` and `vfov`";
 
+/// Luminous efficacy that turns W into lm, as the standard of radiometric units of glTF has it, lm/W.
+const LUMENS_PER_WATT: f64 = 683.0;
+/// Luminance that a camera set to EV 0 at ISO 100 shows as white, cd/m²: 78/(ISO·q) of \[ISO12232\] at ISO 100
+/// with the share q = .65 of the light that passes a lens. \[Lagarde14\]
+const WHITE_AT_EV_0: f64 = 1.2;
+/// Sensitivities, times, s, and f-numbers that are taken: wider than any camera has.
+const CAMERA_SETTING: RangeInclusive<f64> = 1e-6..=1e9;
+
 impl Source<'_> {
+    /// The exposure: that of the sidecar, or that of the camera's settings.
+    pub fn exposure(&self, sidecar: &Sidecar) -> Result<f32, ImportError> {
+        let camera = sidecar.camera.as_ref();
+        let of = |setting: fn(&CameraSpec) -> Option<f64>| camera.and_then(setting);
+        let settings = [
+            ("camera.iso", of(|c| c.iso)),
+            ("camera.shutter", of(|c| c.shutter)),
+            ("camera.f_number", of(|c| c.f_number)),
+        ];
+        let Some((given, _)) = settings.iter().find(|(_, value)| value.is_some()) else {
+            let exposure = sidecar.exposure.unwrap_or(1.0);
+            return lighting::exposure(exposure).map_err(|message| self.error("exposure", message));
+        };
+        if sidecar.exposure.is_some() {
+            return Err(self.error(*given, "takes the place of `exposure`: give one of them"));
+        }
+        let mut values = [0.0; 3];
+        for ((key, value), out) in settings.iter().zip(&mut values) {
+            match value {
+                Some(value) if CAMERA_SETTING.contains(value) => *out = *value,
+                Some(value) => {
+                    let [least, most] = [CAMERA_SETTING.start(), CAMERA_SETTING.end()];
+                    let message = format!("must be from {least:e} to {most:e}, got {}", Number(*value));
+                    return Err(self.error(*key, message));
+                }
+                None => return Err(self.error(*key, format!("is needed beside `{given}`"))),
+            }
+        }
+        let [iso, shutter, f_number] = values;
+        // [Lagarde14]: EV100, and the luminance that saturates
+        let white = WHITE_AT_EV_0 * f_number * f_number / shutter * 100.0 / iso;
+        lighting::exposure(LUMENS_PER_WATT / white).map_err(|message| self.error(*given, message))
+    }
+
     /// Chooses the camera of the scene file that the option names, else the sidecar, else the first; says
     /// so where the file has several.
     pub fn choose_camera(

@@ -132,7 +132,7 @@ fn stops(linear: f64) -> f64 {
     ((linear.max(1e-30) / MIDDLE_GREY).log2() + STOPS_BELOW) / STOPS
 }
 
-/// [Sobotka23]: through middle grey with a slope, and through black and white; not limited there.
+/// \[Sobotka23\]: through middle grey with a slope, and through black and white; not limited there.
 fn sigmoid(x: f64) -> f64 {
     let (pivot, grey) = (STOPS_BELOW / STOPS, MIDDLE_GREY.powf(1.0 / GAMMA));
     let scale = |x: f64, y: f64| {
@@ -144,7 +144,7 @@ fn sigmoid(x: f64) -> f64 {
     grey + scale * t / (1.0 + t.powf(POWER)).powf(1.0 / POWER)
 }
 
-/// [Zhou23]: lifts a colour with negative channels until there are none, and dims it to the intensity that
+/// \[Zhou23\]: lifts a colour with negative channels until there are none, and dims it to the intensity that
 /// it had. Intensity is `measure` of the luminance and of the luminance that counts the opponent colour.
 fn guard(rgb: DVec3, weights: DVec3, measure: impl Fn(f64, f64) -> f64) -> DVec3 {
     let intensity = |c: DVec3| {

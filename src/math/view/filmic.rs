@@ -68,7 +68,7 @@ fn desaturated(rgb: DVec3) -> DVec3 {
     rgb + share * (DVec3::splat(most) - rgb)
 }
 
-/// [Lottes16]: `y = s^a / (b·s^(a·d) + c)` of the light `s`, where middle grey is 1, with black lifted
+/// \[Lottes16\]: `y = s^a / (b·s^(a·d) + c)` of the light `s`, where middle grey is 1, with black lifted
 /// out below middle grey.
 struct Curve {
     b: f64,
