@@ -82,6 +82,9 @@ pub struct Placed {
     /// Share in [0, 1] of a spot's half-angle over which the cone fades.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub softness: Option<f64>,
+    /// Colour, linear Rec.709, which is scaled to luminance 1; white by default.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f64; 3]>,
 }
 
 impl Placed {
@@ -96,6 +99,7 @@ impl Placed {
             radius: self.radius,
             angle: self.angle,
             softness: self.softness,
+            color: self.color,
             ..LightSpec::named(name)
         }
     }

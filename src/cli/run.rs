@@ -122,6 +122,11 @@ pub struct RunArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=12))]
     pub lamps: Option<u8>,
 
+    /// Move the scene's own rectangles, disks and spots as well: each goes around the subject and turns to face
+    /// what it faces now. A light of the sidecar with `movable = false` stays
+    #[arg(long)]
+    pub move_lights: bool,
+
     /// With --lamps: keep the scene's own lights, and add lamps to them
     #[arg(long, requires = "lamps")]
     pub keep: bool,
@@ -327,14 +332,25 @@ fn work(
             basis_file: Some(basis_file.clone()),
         };
         let (path, authored, constraints) = (scene_path.as_path(), &authored, &constraints);
-        let lamps = args.lamps.or_else(|| scene.lights.is_empty().then_some(LAMPS)).map(usize::from);
+        let own_names: Vec<String> = scene.lights.iter().map(|light| light.name.clone()).collect();
+        let wanted = args.lamps.or_else(|| own_names.is_empty().then_some(LAMPS));
+        let lamps = wanted.or(args.move_lights.then_some(0)).map(usize::from);
         let reports = match lamps {
             None => {
                 let subject = Subject { scene: &scene, path, authored, constraints, rig: None };
                 design::run(subject, &options, &console)?
             }
             Some(most) => {
-                let order = Order { most, without_lights, path, authored, constraints, options: &options };
+                let order = Order {
+                    most,
+                    moves: args.move_lights,
+                    without_lights,
+                    path,
+                    authored,
+                    own_names: &own_names,
+                    constraints,
+                    options: &options,
+                };
                 rig::run(scene, &order, &console)?
             }
         };

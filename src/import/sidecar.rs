@@ -297,6 +297,9 @@ pub struct LightSpec {
     pub occludes: bool,
     /// Kinds of variables of this light that may be free, among those of the whole file.
     pub free: Option<FreeKinds>,
+    /// Whether the light may be moved, where lights are; `true` by default.
+    #[serde(default = "yes")]
+    pub movable: bool,
 }
 
 impl LightSpec {
@@ -324,6 +327,7 @@ impl LightSpec {
             camera_visible: yes(),
             occludes: false,
             free: None,
+            movable: yes(),
         }
     }
 }

@@ -159,24 +159,24 @@ impl Scene {
 
     /// The scene with other lights in the place of its own. Lights that are meshes are parts of its triangles.
     #[must_use]
-    pub fn with_lights(self, lights: Vec<Light>) -> Self {
-        let mut scene = self.with_clear_lights(lights);
-        let mesh = &scene.mesh;
-        scene.light_clearances = scene.lights.iter().map(|l| visibility::clearance_over(l, mesh)).collect();
-        let room = |(l, &clearance)| visibility::room_about(l, clearance, mesh);
-        scene.light_rooms = scene.lights.iter().zip(&scene.light_clearances).map(room).collect();
-        scene
-    }
-
-    /// As [`Self::with_lights`], for many lights that are known to be clear of every surface: no time is spent
-    /// on finding how clear, and rays to them are traced from both ends.
-    #[must_use]
-    pub fn with_clear_lights(mut self, mut lights: Vec<Light>) -> Self {
+    pub fn with_lights(mut self, mut lights: Vec<Light>) -> Self {
         self.emitters = furnish(&mut lights, &self.mesh, self.materials.len(), self.camera.position);
         self.n_occluders = lights.iter().filter(|l| l.occludes).count();
-        self.light_clearances = vec![0.0; lights.len()];
-        self.light_rooms = vec![None; lights.len()];
+        self.light_clearances = lights.iter().map(|l| visibility::clearance_over(l, &self.mesh)).collect();
+        let room = |(l, &clearance)| visibility::room_about(l, clearance, &self.mesh);
+        self.light_rooms = lights.iter().zip(&self.light_clearances).map(room).collect();
         self.lights = lights;
+        self
+    }
+
+    /// The scene with many lights more, behind its own, that do not block rays, are no meshes, and are known to
+    /// be clear of every surface: no time is spent on finding how clear, and rays to them are traced from both
+    /// ends.
+    #[must_use]
+    pub fn with_clear_lights(mut self, lights: Vec<Light>) -> Self {
+        self.light_clearances.resize(self.lights.len() + lights.len(), 0.0);
+        self.light_rooms.resize(self.lights.len() + lights.len(), None);
+        self.lights.extend(lights);
         self
     }
 

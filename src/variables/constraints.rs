@@ -63,4 +63,6 @@ pub struct LightConstraints {
     /// Whether the light comes from the scene file and the sidecar does not name it, so that it may light
     /// nothing of the picture.
     pub is_from_file: bool,
+    /// Whether the light stays where it is, also where others may be moved.
+    pub stays: bool,
 }

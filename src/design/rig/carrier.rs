@@ -11,7 +11,13 @@ use rayon::prelude::*;
 use super::lamp::Lamp;
 use crate::{
     camera::Camera,
-    design::{Reporter, RunError, RunOptions, evaluator::Evaluator, observer::Unstoppable, render::Renderer},
+    design::{
+        Reporter, RunError, RunOptions,
+        evaluator::Evaluator,
+        observer::Unstoppable,
+        render::Renderer,
+        seeds::{Purpose, seed_for},
+    },
     files::number::Bytes,
     film::Picture,
     integrator::{View, aov},
@@ -30,8 +36,12 @@ const REPLICATES: usize = 2;
 const REDUCTIONS: [u32; 3] = [2, 3, 4];
 /// Factor by which the pictures of [`Carrier::reduced`] are smaller again.
 const REDUCED_AGAIN: u32 = 2;
-/// Share of the lamps that a vertex where the camera sees samples, as its inverse, and a later one.
-const SAMPLED: [usize; 2] = [8, 32];
+/// Samples that every lamp has in a pixel of a carrier, all replicates together. Set by reasoning: statistics of
+/// whole pictures average over thousands of pixels.
+const SAMPLES: u32 = 3;
+/// Share of the lamps that a vertex where the camera sees samples, as its inverse, and a later one: many lamps
+/// share the cost of a path.
+const SAMPLED: [usize; 2] = [4, 16];
 /// Camera subpaths for each light subpath: next-event estimation finds nearly everything that large lamps in
 /// the open light.
 const CAMERA_SUBPATHS: u32 = 8;
@@ -95,12 +105,36 @@ pub struct Commission<'a> {
     pub own: &'a Fitted,
     /// Constraints of the scene's author.
     pub constraints: &'a Constraints,
-    /// Options of the run.
-    pub options: &'a RunOptions,
+    /// Integrator, sampler and measure of luminance.
+    pub renderer: Renderer,
+    /// Size of the working pictures, of which those of a carrier are reductions, pixels.
+    pub work_size: UVec2,
+    /// Kinds of variables that are free.
+    pub free: &'a FreeKinds,
+    /// Upper bound of the memory, bytes.
+    pub memory: u64,
     /// Samples that every lamp has in a pixel, all replicates together.
     pub samples: u32,
     /// Seed of the samples.
     pub seed: u64,
+}
+
+impl<'a> Commission<'a> {
+    /// A carrier for the working pictures of a run.
+    #[must_use]
+    pub fn of_run(own: &'a Fitted, constraints: &'a Constraints, options: &'a RunOptions) -> Self {
+        let RunOptions { integrator, sampler, measure, .. } = *options;
+        Self {
+            own,
+            constraints,
+            renderer: Renderer { integrator, sampler, measure },
+            work_size: options.work_size,
+            free: &options.free,
+            memory: options.memory,
+            samples: SAMPLES,
+            seed: seed_for(options.seed, Purpose::Places),
+        }
+    }
 }
 
 impl Carrier {
@@ -114,11 +148,10 @@ impl Carrier {
         commission: Commission,
         reporter: &impl Reporter,
     ) -> Result<(Self, Scene), RunError> {
-        let Commission { own, constraints, options, samples, seed } = commission;
-        let n_own = own.lighting.n_lights();
-        let mut lights = scene.lights[..n_own].to_vec();
-        lights.extend(lamps.iter().enumerate().map(|(i, lamp)| lamp.light(format!("place {}", i + 1))));
-        let scene = scene.with_clear_lights(lights);
+        let Commission { own, renderer, samples, seed, .. } = commission;
+        let n_own = scene.lights.len();
+        let named = |(i, lamp): (usize, &Lamp)| lamp.light(format!("place {}", i + 1));
+        let scene = scene.with_clear_lights(lamps.iter().enumerate().map(named).collect());
         let fitted = with_lamps(own, lamps.len());
         let counts = SampleCounts {
             first_light_samples: (scene.lights.len() / SAMPLED[0]).clamp(6, 96) as u32,
@@ -128,13 +161,11 @@ impl Carrier {
         };
         let spp =
             (samples as usize * scene.lights.len()).div_ceil(counts.first_light_samples as usize) as u32;
-        let (layout, nodes) = plan(&scene, &fitted, options, counts, spp, reporter)?;
+        let (layout, nodes) = plan(&scene, &fitted, &commission, counts, spp, reporter)?;
         let camera = scene.camera.resized(layout.size);
         let view = View { scene: &scene, camera: &camera };
         let sampling =
             SamplingPlan { largest_value: nodes as f32, counts, ..SamplingPlan::uniform(&fitted.lighting) };
-        let renderer =
-            Renderer { integrator: options.integrator, sampler: options.sampler, measure: options.measure };
         reporter.stage("rendering the places of lamps", Some(u64::from(layout.size.y) * REPLICATES as u64));
         let mut basis = TransportBasis::for_search(layout, REPLICATES);
         let source = Source {
@@ -151,9 +182,9 @@ impl Carrier {
         if !has_both(&masks[1].1) {
             (reduced, masks[1]) = (basis.clone(), masks[0].clone());
         }
-        let variables = variables(&scene, &fitted, constraints, options, (&reduced, &masks[1].1));
+        let variables = variables(&scene, &fitted, &commission, (&reduced, &masks[1].1));
         let fixed = dark(&fitted.lighting, n_own);
-        let measure = options.measure;
+        let measure = renderer.measure;
         let carrier = Self { n_own, lamps, basis, reduced, variables, fixed, measure, masks };
         Ok((carrier, scene))
     }
@@ -175,6 +206,12 @@ impl Carrier {
     pub fn candidates(&self) -> Vec<usize> {
         let has_variable = |l: &usize| self.of_light(*l).next().is_some();
         (self.n_own..self.n_own + self.lamps.len()).filter(has_variable).collect()
+    }
+
+    /// The lamp of an index among all lights.
+    #[must_use]
+    pub fn lamp(&self, light: usize) -> &Lamp {
+        &self.lamps[light - self.n_own]
     }
 
     fn of_light(&self, light: usize) -> impl Iterator<Item = &Variable> {
@@ -251,27 +288,28 @@ fn dark(lighting: &Lighting, n_own: usize) -> Lighting {
 fn plan(
     scene: &Scene,
     fitted: &Fitted,
-    options: &RunOptions,
+    commission: &Commission,
     counts: SampleCounts,
     spp: u32,
     reporter: &impl Reporter,
 ) -> Result<(Layout, f64), RunError> {
-    let nodes = match (options.free.contains("background"), fitted.value_range) {
-        (true, Some(_)) => ValueNodes::new(f64::from(fitted.largest_value()), options.integrator.max_depth),
+    let Commission { renderer: Renderer { integrator, measure, .. }, work_size, free, memory, .. } =
+        *commission;
+    let nodes = match (free.contains("background"), fitted.value_range) {
+        (true, Some(_)) => ValueNodes::new(f64::from(fitted.largest_value()), integrator.max_depth),
         _ => ValueNodes::new(fitted.lighting.value, 1),
     };
     let largest = nodes.values()[0];
     let mut needed = 0;
     for factor in REDUCTIONS {
-        let size = (options.work_size / factor).max(UVec2::ONE);
+        let size = (work_size / factor).max(UVec2::ONE);
         let bins = fitted.lighting.size.iter().map(|&s| SizeBins::Fixed(s as f32)).collect();
-        let layout = Layout::new(size, bins, nodes.clone()).with_planes(options.measure.n_planes());
-        let subpaths =
-            options.integrator.kind.light_subpaths(u64::from(size.element_product() * spp), counts);
-        let splats = splat_memory(&layout, subpaths, options.integrator.max_depth);
+        let layout = Layout::new(size, bins, nodes.clone()).with_planes(measure.n_planes());
+        let subpaths = integrator.kind.light_subpaths(u64::from(size.element_product() * spp), counts);
+        let splats = splat_memory(&layout, subpaths, integrator.max_depth);
         // Tables, and those of a quarter of the pixels.
         needed = layout.search_memory(REPLICATES) * 5 / 4 + splats;
-        if needed <= options.memory {
+        if needed <= memory {
             reporter.note(&format!(
                 "places of lamps: {} in {} x {} pixels, {} value nodes, {REPLICATES} replicates, {spp} samples a pixel, {}",
                 scene.lights.len(),
@@ -283,7 +321,7 @@ fn plan(
             return Ok((layout, largest));
         }
     }
-    Err(RunError::Memory { needed: Bytes(needed), allowed: Bytes(options.memory) })
+    Err(RunError::Memory { needed: Bytes(needed), allowed: Bytes(memory) })
 }
 
 /// Mask of the main object in pictures of a size.
@@ -310,8 +348,7 @@ fn unit_image(basis: &TransportBasis, fixed: &Lighting, light: usize) -> Vec<f64
 fn variables(
     scene: &Scene,
     fitted: &Fitted,
-    constraints: &Constraints,
-    options: &RunOptions,
+    commission: &Commission,
     (basis, mask): (&TransportBasis, &[bool]),
 ) -> Vec<Variable> {
     let n = fitted.lighting.n_lights();
@@ -320,11 +357,12 @@ fn variables(
         unit_image(basis, &fitted.lighting, l).into_iter().map(|y| [y as f32; 3]).collect()
     };
     let unit = Picture::of_lights(size, (0..n).into_par_iter().map(grey).collect());
-    let mut constraints = Constraints { bonds: Vec::new(), ..constraints.clone() };
+    let mut constraints = Constraints { bonds: Vec::new(), ..commission.constraints.clone() };
     let lamp = LightConstraints { is_from_file: true, ..LightConstraints::default() };
     constraints.lights.resize(n, lamp);
     constraints.lights.iter_mut().for_each(|light| light.is_from_file = true);
-    let free = FreeKinds(options.free.0.iter().copied().filter(|kind| kind.keyword() != "size").collect());
-    let survey = Survey::new(scene, fitted, &constraints, &free, options.measure, (&unit, mask));
+    let free = FreeKinds(commission.free.0.iter().copied().filter(|kind| kind.keyword() != "size").collect());
+    let measure = commission.renderer.measure;
+    let survey = Survey::new(scene, fitted, &constraints, &free, measure, (&unit, mask));
     survey.variables().map(|vector| vector.variables).unwrap_or_default()
 }

@@ -14,6 +14,7 @@ use crate::{
         evaluator::Scratch,
         search::{descend, value},
     },
+    lighting::Lighting,
     objective::{Objective, Smoothing},
     optim::OptimError,
 };
@@ -35,8 +36,9 @@ const TRIED: usize = 6;
 const EXCHANGED: usize = 4;
 /// Rounds of exchanges at most: each needs a gain.
 const MAX_EXCHANGES: usize = 6;
-/// Gain in f_q below which a lamp stays where it is: a fiftieth of the tolerance that runs have by default.
-const LEAST_GAIN: f64 = 1e-4;
+/// Gain in f_q below which a lamp stays where it is: a tenth of the tolerance that runs have by
+/// default.
+const LEAST_GAIN: f64 = 5e-4;
 
 /// Lights of a carrier that shine, with the point of the unit cube of their variables.
 #[derive(Clone, Debug)]
@@ -60,15 +62,18 @@ pub struct Chooser<'a, C> {
 }
 
 impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
-    /// The best rigs of up to `most` lamps besides the scene's own lights, one for each number of lamps from 1
-    /// on; fewer where another lamp gains nothing.
+    /// The best rigs of up to `most` lamps more than those of `start`, one for each number of lamps; fewer where
+    /// there is no other lamp. The first has no lamp more, unless there is no light at all.
     ///
     /// # Errors
     /// When NLopt fails.
-    pub fn rigs(&self, most: usize) -> Result<Vec<Choice>, OptimError> {
-        let own: Vec<usize> = (0..self.carrier.n_own).collect();
-        let mut rigs = vec![self.bare(own)?];
+    pub fn rigs(&self, start: &Choice, most: usize) -> Result<Vec<Choice>, OptimError> {
+        let mut rigs = vec![start.clone()];
         let mut best = Vec::new();
+        if !start.lights.is_empty() {
+            rigs = vec![self.exchanged(self.polished(start.lights.clone(), &start.u)?)?];
+            best.clone_from(&rigs);
+        }
         for _ in 0..most {
             let next = self.extended(&rigs)?;
             let Some(first) = next.first() else { break };
@@ -79,21 +84,20 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
         Ok(best)
     }
 
-    /// The scene's own lights alone.
-    fn bare(&self, lights: Vec<usize>) -> Result<Choice, OptimError> {
-        let start = self.carrier.part(&lights).variables.start();
-        if lights.is_empty() {
-            Ok(Choice { lights, u: start, f_q: f64::INFINITY })
-        } else {
-            self.polished(lights, &start)
-        }
+    /// Some lights with the radiances and the value of the background of a lighting.
+    #[must_use]
+    pub fn choice(&self, lights: Vec<usize>, lighting: &Lighting) -> Choice {
+        let part = self.carrier.part(&lights);
+        let mut lighting = lighting.clone();
+        let u = part.variables.variables.iter().map(|v| v.encode(*v.kind.value(&mut lighting, v.light)));
+        Choice { u: u.collect(), lights, f_q: f64::INFINITY }
     }
 
     /// The best rigs of one lamp more than some rigs have, best first.
     fn extended(&self, rigs: &[Choice]) -> Result<Vec<Choice>, OptimError> {
         let mut tried: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
         for rig in rigs {
-            for (lights, u) in self.cheapest(rig, TRIED) {
+            for (lights, u) in self.cheapest(rig, None, TRIED) {
                 if tried.iter().all(|(other, _)| !is_same_set(other, &lights)) {
                     tried.push((lights, u));
                 }
@@ -108,9 +112,11 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
         Ok(next)
     }
 
-    /// The rigs with one lamp more that cost least, each with its point, at most `count`.
-    fn cheapest(&self, rig: &Choice, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let priced = self.carrier.candidates().into_par_iter().filter(|c| !rig.lights.contains(c));
+    /// The rigs with one lamp more that cost least, each with its point, at most `count`; the lamp is one that
+    /// stands for the scene's own light `of`, or for none.
+    fn cheapest(&self, rig: &Choice, of: Option<usize>, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let is_free = |c: &usize| !rig.lights.contains(c) && self.carrier.lamp(*c).of == of;
+        let priced = self.carrier.candidates().into_par_iter().filter(is_free);
         let priced = priced.map(|candidate| {
             let mut lights = rig.lights.clone();
             lights.push(candidate);
@@ -156,6 +162,9 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
         let mut best = rig;
         let n_own = self.carrier.n_own;
         let n = best.lights.len() - n_own;
+        if n == 0 {
+            return Ok(best);
+        }
         let (mut k, mut unchanged) = (0, 0);
         for _ in 0..MAX_EXCHANGES * n {
             if unchanged == n || (self.cancelled)() {
@@ -163,7 +172,8 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
             }
             let place = n_own + k;
             let rest = self.without(&best, place);
-            let mut tried = self.cheapest(&rest, EXCHANGED);
+            let of = self.carrier.lamp(best.lights[place]).of;
+            let mut tried = self.cheapest(&rest, of, EXCHANGED);
             tried.retain(|(lights, _)| lights.last() != Some(&best.lights[place]));
             let mut ends = tried
                 .into_par_iter()

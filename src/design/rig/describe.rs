@@ -2,11 +2,12 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{PlacedLamp, carrier::Carrier, choose::Choice, set::Set};
+use super::{PlacedLamp, lamp::Lamp, set::Set};
 use crate::{
     audit::placed::{Description, Placed, Role},
     import::sidecar::LightType,
     light::{LUMENS_PER_WATT, Outline},
+    math::Rgb,
 };
 
 /// Share of the light that a background lamp sends to the object, over that to the background, at most.
@@ -16,26 +17,18 @@ const BEHIND: f32 = 100.0;
 /// Elevation from which on a lamp behind the subject lights its top, degrees.
 const ABOVE: f32 = 55.0;
 
-/// Roles of the lamps of a choice, in their order: by where they stand and by the mean luminance that each brings
-/// to object and background, in `means` by light.
-pub(super) fn roles(choice: &Choice, carrier: &Carrier, means: &[[f64; 2]], set: &Set) -> Vec<Role> {
-    let n_own = carrier.n_own;
-    let mut roles: Vec<Role> = choice.lights[n_own..]
-        .iter()
-        .zip(&means[n_own..])
-        .map(|(&light, &[object, background])| {
-            let place = set.place(carrier.lamps[light - n_own].position);
-            match place {
-                _ if object < SPARED * background => Role::Background,
-                p if p.azimuth.abs() < BEHIND => Role::Fill,
-                p if p.elevation > ABOVE => Role::Hair,
-                _ => Role::Rim,
-            }
-        })
-        .collect();
+/// Roles of some lamps, in their order: by where they stand and by the mean luminance that each brings to object and
+/// background, in `means`.
+pub(super) fn roles(lamps: &[Lamp], means: &[[f64; 2]], set: &Set) -> Vec<Role> {
+    let role = |(lamp, &[object, background]): (&Lamp, &[f64; 2])| match set.place(lamp.position) {
+        _ if object < SPARED * background => Role::Background,
+        p if p.azimuth.abs() < BEHIND => Role::Fill,
+        p if p.elevation > ABOVE => Role::Hair,
+        _ => Role::Rim,
+    };
+    let mut roles: Vec<Role> = lamps.iter().zip(means).map(role).collect();
     let before = (0..roles.len()).filter(|&k| roles[k] == Role::Fill);
-    let strongest = before.max_by(|&a, &b| means[n_own + a][0].total_cmp(&means[n_own + b][0]));
-    if let Some(k) = strongest {
+    if let Some(k) = before.max_by(|&a, &b| means[a][0].total_cmp(&means[b][0])) {
         roles[k] = Role::Key;
     }
     roles
@@ -66,6 +59,7 @@ impl PlacedLamp {
             radius,
             angle: self.lamp.beam.map(|beam| decimal(beam.angle)),
             softness: self.lamp.beam.map(|beam| decimal(beam.softness)),
+            color: (self.lamp.color != Rgb::ONE).then(|| self.lamp.color.to_array().map(decimal)),
         }
     }
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::{
-    light::{Cone, Light, Outline, Planar, Shape, look_frame},
+    light::{Cone, Edge, Light, Outline, Planar, Shape, look_frame},
     math::Rgb,
 };
 
@@ -18,6 +18,10 @@ pub struct Lamp {
     pub outline: Outline,
     /// Beam; `None` for a lamp that shines into its half-space.
     pub beam: Option<Beam>,
+    /// Linear Rec.709 colour of luminance 1.
+    pub color: Rgb,
+    /// The scene's own light that stands here, by its index among those that may be moved; `None` for another.
+    pub of: Option<usize>,
 }
 
 /// Beam of a lamp.
@@ -30,6 +34,31 @@ pub struct Beam {
 }
 
 impl Lamp {
+    /// A white lamp without a beam.
+    #[must_use]
+    pub fn new(position: Vec3, look_at: Vec3, outline: Outline) -> Self {
+        Self { position, look_at, outline, beam: None, color: Rgb::ONE, of: None }
+    }
+
+    /// The lamp that a flat light of the scene is, facing a point `distance` metres ahead; `None` for a light
+    /// that is not flat, blocks rays, or has a beam that a lamp cannot have.
+    #[must_use]
+    pub fn of_light(light: &Light, distance: f32) -> Option<Self> {
+        let Shape::Planar(Planar { center, frame, outline, cone }) = &light.shape else { return None };
+        let beam = match cone {
+            None => None,
+            Some(cone) if cone.edge == Edge::Smooth => {
+                let [inner, outer] = [cone.cos_inner, cone.cos_outer].map(|cos| cos.clamp(0.0, 1.0).acos());
+                let softness = if outer > 0.0 { 1.0 - inner / outer } else { 0.0 };
+                Some(Beam { angle: outer.to_degrees(), softness })
+            }
+            Some(_) => return None,
+        };
+        let look_at = *center + frame.n * distance;
+        let lamp = Self { beam, color: light.color, ..Self::new(*center, look_at, *outline) };
+        (!light.occludes).then_some(lamp)
+    }
+
     /// Unit direction in which the lamp faces.
     #[must_use]
     pub fn axis(&self) -> Vec3 {
@@ -47,13 +76,13 @@ impl Lamp {
         }
     }
 
-    /// A white light of this shape, at size and radiance 1.
+    /// A light of this shape and colour, at size and radiance 1.
     #[must_use]
     pub fn light(&self, name: String) -> Light {
         Light {
             name,
             shape: Shape::Planar(self.planar()),
-            color: Rgb::ONE,
+            color: self.color,
             radiance: 1.0,
             size: 1.0,
             camera_visible: true,

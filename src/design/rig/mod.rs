@@ -1,7 +1,7 @@
 //! Rigs: lamps that the program places.
 //!
 //! Lamps do not block light, so that *where* a lamp stands is one more thing that a transport basis keeps apart:
-//! a [carrier](carrier) holds the pictures of hundreds of lamps, and a rig is [chosen](choose) among them. Its
+//! a carrier holds the pictures of hundreds of lamps, and a rig is chosen among them. Its
 //! lamps are then lights of the scene like any other, and the ordinary search finds their radiances and sizes.
 //!
 //! | file | what |
@@ -22,16 +22,11 @@ mod plan;
 mod run;
 mod set;
 
-use std::time::Instant;
-
 use self::{
     carrier::{Carrier, Commission},
     choose::{Choice, Chooser},
 };
-use super::{
-    Reporter, RunError,
-    seeds::{Purpose, seed_for},
-};
+use super::{Reporter, RunError};
 use crate::{
     audit::{
         lights::LightsFile,
@@ -40,6 +35,7 @@ use crate::{
     integrator::View,
     light::Light,
     lighting::Lighting,
+    math::hash::hash_words,
     scene::Scene,
     variables::{Constraints, Fitted, LightConstraints, bounds},
 };
@@ -49,8 +45,9 @@ pub use lamp::{Beam, Lamp};
 pub use run::{Order, run};
 pub use set::{Ground, Place, Set};
 
-/// Samples that every lamp has in a pixel of the carrier. Set by reasoning.
-const SAMPLES: u32 = 3;
+/// Steps of the rounds in which the lamps that were chosen are moved by a little, degrees. The first is that of
+/// the cells; set by reasoning.
+const STEPS: [f32; 2] = [10.0, 4.0];
 /// Sizes between which a lamp may vary, while it stays where it may stand.
 const SIZES: [f32; 2] = [0.25, 4.0];
 /// Halvings of the range of the largest size.
@@ -84,84 +81,234 @@ pub struct PlacedLamp {
     pub height: f32,
     /// Radiance with which it was chosen, W·m⁻²·sr⁻¹.
     pub radiance: f64,
-    /// Least and largest size that it may have where it stands.
-    pub sizes: [f32; 2],
+    /// Size with which it was chosen.
+    pub size: f32,
+    /// Constraints on its variables, with the sizes that it may have where it stands.
+    pub constraints: LightConstraints,
 }
 
-/// Finds a rig for every look of a run; returns them with the scene, which has its own lights again.
+/// Finds a rig for every look of a run; returns them with the scene, which has those of its own lights that stay
+/// where they are.
 ///
 /// # Errors
 /// When there is no room for a lamp, or a render fails.
 pub fn find(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<(Vec<Rig>, Scene), RunError> {
-    let Order { authored, constraints, options, .. } = *order;
-    let own_lights = scene.lights.clone();
+    let Order { constraints, options, .. } = *order;
     let camera = scene.camera.resized(options.work_size);
-    let (own, lamps) = {
-        let view = View { scene: &scene, camera: &camera };
-        let own = Fitted::of_any(view, authored, constraints)?;
-        own.notes.iter().for_each(|note| reporter.note(note));
-        let set = Set::new(view, constraints.movement).ok_or(RunError::NoSubject)?;
-        (own, places::all(&set))
+    let set = Set::new(View { scene: &scene, camera: &camera }, constraints.movement);
+    let (company, lamps) = {
+        let set = set.ok_or(RunError::NoSubject)?;
+        let company = Company::new(&set, &scene, order);
+        let mut lamps: Vec<Lamp> = company.movable.iter().map(|own| own.lamp).collect();
+        lamps.extend(company.movable.iter().flat_map(|own| places::moved(&set, &own.lamp)));
+        if order.most > 0 {
+            lamps.extend(places::all(&set));
+        }
+        (company, lamps)
     };
     if lamps.is_empty() {
         return Err(RunError::NoPlace);
     }
-    let seed = seed_for(options.seed, Purpose::Places);
-    let commission = Commission { own: &own, constraints, options, samples: SAMPLES, seed };
-    let clock = Instant::now();
-    let (carrier, scene) = Carrier::render(scene, lamps, commission, reporter)?;
-    reporter.note(&format!("places rendered in {:.2} s", clock.elapsed().as_secs_f64()));
-    let clock = Instant::now();
+    let scene = scene.with_lights(company.fixed.clone());
+    let authored = Lighting { exposure: order.authored.exposure, ..Lighting::authored(&scene) };
+    let own = Fitted::of_any(View { scene: &scene, camera: &camera }, &authored, &company.constraints)?;
+    own.notes.iter().for_each(|note| reporter.note(note));
+    let commission = Commission::of_run(&own, &company.constraints, options);
+    let start = Lit::of_own(&company, &own.lighting);
+    let (carrier, mut scene) = Carrier::render(scene, lamps, commission, reporter)?;
     reporter.stage("choosing lamps", None);
-    let choices = choose(&carrier, order, reporter)?;
-    reporter.note(&format!("lamps chosen in {:.2} s", clock.elapsed().as_secs_f64()));
-    let scene = scene.with_lights(own_lights);
+    let mut looks = choose(&carrier, &start, order, reporter)?;
+    for (round, step) in STEPS.into_iter().enumerate() {
+        scene = scene.with_lights(company.fixed.clone());
+        let view = View { scene: &scene, camera: &camera };
+        let lamps = around(&Set::new(view, constraints.movement).ok_or(RunError::NoSubject)?, &looks, step);
+        if lamps.is_empty() || reporter.cancelled() {
+            break;
+        }
+        let seed = hash_words(&[commission.seed, round as u64 + 1]);
+        let carrier;
+        (carrier, scene) = Carrier::render(scene, lamps, Commission { seed, ..commission }, reporter)?;
+        looks = slide(&carrier, &looks, order, reporter)?;
+    }
+    let scene = scene.with_lights(company.fixed.clone());
     let view = View { scene: &scene, camera: &camera };
     let set = Set::new(view, constraints.movement).ok_or(RunError::NoSubject)?;
-    let rigs = choices.iter().map(|choice| rig(choice, &carrier, &set, view, order)).collect();
+    let rigs = looks.iter().map(|lit| rig(lit, &company, &set, view, order)).collect();
     Ok((rigs, scene))
 }
 
-/// The lamps of every look.
-fn choose(carrier: &Carrier, order: &Order, reporter: &impl Reporter) -> Result<Vec<Choice>, RunError> {
-    let Order { options, most, .. } = *order;
-    let mut choices = Vec::new();
-    for job in &options.jobs {
-        let cancelled = || reporter.cancelled();
-        let chooser =
-            Chooser { carrier, objectives: carrier.objectives(&job.target)?, cancelled: &cancelled };
-        let rigs = chooser.rigs(most)?;
-        let costs: Vec<String> = rigs.iter().map(|rig| format!("{:.3}", rig.f_q)).collect();
-        reporter.note(&format!("{}: f_q with 1, 2, ... lamps: {}", job.target.name(), costs.join(", ")));
-        let choice = choose::as_few_as_it_takes(&rigs, options.tolerance).ok_or(RunError::NoPlace)?;
-        choices.push(choice.clone());
-    }
-    Ok(choices)
+/// The scene's own lights.
+struct Company {
+    /// Those that stay where they are.
+    fixed: Vec<Light>,
+    /// Constraints of these, and of the scene.
+    constraints: Constraints,
+    /// Those that may be moved.
+    movable: Vec<Movable>,
 }
 
-/// The rig of a choice, with the names of its lamps.
-fn rig(choice: &Choice, carrier: &Carrier, set: &Set, view: View, order: &Order) -> Rig {
-    let part = carrier.part(&choice.lights);
-    let lighting = part.lighting(&choice.u);
-    let means = carrier.means(&choice.lights, &lighting.radiance);
-    let roles = describe::roles(choice, carrier, &means, set);
-    let mut names: Vec<String> = view.scene.lights.iter().map(|l| l.name.clone()).collect();
-    let mut lamps = Vec::new();
-    for (k, role) in (carrier.n_own..choice.lights.len()).zip(roles) {
-        let lamp = carrier.lamps[choice.lights[k] - carrier.n_own];
-        let mut name = role.word().to_owned();
-        let mut n = 1;
-        while names.contains(&name) {
-            n += 1;
-            name = format!("{} {n}", role.word());
+/// A light of the scene that may be moved.
+struct Movable {
+    light: Light,
+    /// The lamp that it is now, at its own size.
+    lamp: Lamp,
+    constraints: LightConstraints,
+}
+
+impl Company {
+    fn new(set: &Set, scene: &Scene, order: &Order) -> Self {
+        let mut company = Self {
+            fixed: Vec::new(),
+            constraints: Constraints { lights: Vec::new(), ..order.constraints.clone() },
+            movable: Vec::new(),
+        };
+        for (light, constraints) in scene.lights.iter().zip(&order.constraints.lights) {
+            let may_move = order.moves && constraints.free.contains("radiance") && !constraints.stays;
+            match places::of_light(set, light).filter(|_| may_move) {
+                Some(lamp) => {
+                    let lamp = Lamp { of: Some(company.movable.len()), ..lamp.scaled(light.size) };
+                    let (light, constraints) = (light.clone(), constraints.clone());
+                    company.movable.push(Movable { light, lamp, constraints });
+                }
+                None => {
+                    company.fixed.push(light.clone());
+                    company.constraints.lights.push(constraints.clone());
+                }
+            }
         }
+        company
+    }
+}
+
+/// Lamps with the lighting in which they were chosen.
+struct Lit {
+    lamps: Vec<Lamp>,
+    /// Lighting of the fixed lights, then of the lamps.
+    lighting: Lighting,
+    /// Mean luminance that each brings to the object and to the background.
+    means: Vec<[f64; 2]>,
+}
+
+impl Lit {
+    /// The scene's own lights as they are.
+    fn of_own(company: &Company, fixed: &Lighting) -> Self {
+        let mut lighting = fixed.clone();
+        lighting.radiance.extend(company.movable.iter().map(|own| f64::from(own.light.radiance)));
+        lighting.size.extend(company.movable.iter().map(|_| 1.0));
+        let lamps = company.movable.iter().map(|own| own.lamp).collect();
+        Self { lamps, means: vec![[0.0; 2]; lighting.n_lights()], lighting }
+    }
+
+    /// A choice among the lamps of a carrier.
+    fn new(choice: &Choice, carrier: &Carrier) -> Self {
+        let lighting = carrier.part(&choice.lights).lighting(&choice.u);
+        let lamps = choice.lights[carrier.n_own..].iter().map(|&light| *carrier.lamp(light)).collect();
+        Self { lamps, means: carrier.means(&choice.lights, &lighting.radiance), lighting }
+    }
+
+    /// The choice in a carrier that has these lamps among its own.
+    fn choice<C: Fn() -> bool + Sync>(&self, chooser: &Chooser<C>) -> Choice {
+        let carrier = chooser.carrier;
+        let place = |lamp: &Lamp| carrier.lamps.iter().position(|other| other == lamp);
+        let places = self.lamps.iter().filter_map(place).map(|k| carrier.n_own + k);
+        chooser.choice((0..carrier.n_own).chain(places).collect(), &self.lighting)
+    }
+}
+
+/// The lamps of every look.
+fn choose(
+    carrier: &Carrier,
+    start: &Lit,
+    order: &Order,
+    reporter: &impl Reporter,
+) -> Result<Vec<Lit>, RunError> {
+    let cancelled = || reporter.cancelled();
+    let mut looks = Vec::new();
+    for job in &order.options.jobs {
+        let objectives = carrier.objectives(&job.target)?;
+        let chooser = Chooser { carrier, objectives, cancelled: &cancelled };
+        let rigs = chooser.rigs(&start.choice(&chooser), order.most)?;
+        let costs: Vec<String> = rigs
+            .iter()
+            .map(|rig| format!("{:.3} with {}", rig.f_q, rig.lights.len() - carrier.n_own))
+            .collect();
+        reporter.note(&format!("{}: f_q {} lamps", job.target.name(), costs.join(", ")));
+        let choice = choose::as_few_as_it_takes(&rigs, order.options.tolerance).ok_or(RunError::NoPlace)?;
+        looks.push(Lit::new(choice, carrier));
+    }
+    Ok(looks)
+}
+
+/// The lamps of all looks with their small moves, each once.
+fn around(set: &Set, looks: &[Lit], step: f32) -> Vec<Lamp> {
+    let mut lamps: Vec<Lamp> = Vec::new();
+    for lamp in looks.iter().flat_map(|lit| &lit.lamps) {
+        for lamp in std::iter::once(*lamp).chain(places::near(set, lamp, step)) {
+            if !lamps.contains(&lamp) {
+                lamps.push(lamp);
+            }
+        }
+    }
+    lamps
+}
+
+/// The looks with their lamps exchanged for near ones.
+fn slide(
+    carrier: &Carrier,
+    looks: &[Lit],
+    order: &Order,
+    reporter: &impl Reporter,
+) -> Result<Vec<Lit>, RunError> {
+    let cancelled = || reporter.cancelled();
+    let each = looks.iter().zip(&order.options.jobs);
+    each.map(|(lit, job)| {
+        let objectives = carrier.objectives(&job.target)?;
+        let chooser = Chooser { carrier, objectives, cancelled: &cancelled };
+        let rigs = chooser.rigs(&lit.choice(&chooser), 0)?;
+        let choice = rigs.first().ok_or(RunError::NoPlace)?;
+        reporter.note(&format!("{}: f_q {:.3} with lamps moved by a little", job.target.name(), choice.f_q));
+        Ok(Lit::new(choice, carrier))
+    })
+    .collect()
+}
+
+/// The rig of some lamps, with their names.
+fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Rig {
+    let n_own = company.fixed.len();
+    let roles = describe::roles(&lit.lamps, &lit.means[n_own..], set);
+    let mut names: Vec<String> = view.scene.lights.iter().map(|l| l.name.clone()).collect();
+    names.extend(company.movable.iter().map(|own| own.light.name.clone()));
+    let mut lamps = Vec::new();
+    for ((lamp, role), &radiance) in lit.lamps.iter().zip(roles).zip(&lit.lighting.radiance[n_own..]) {
+        let own = lamp.of.map(|i| &company.movable[i]);
+        let name = own.map_or_else(|| unused_name(role.word(), &names), |own| own.light.name.clone());
         names.push(name.clone());
-        let place = set.place(lamp.position);
-        let height = lamp.position.y - set.floor;
-        let sizes = sizes(&lamp, set, view);
-        lamps.push(PlacedLamp { name, role, lamp, place, height, radiance: lighting.radiance[k], sizes });
+        let size = own.map_or(1.0, |own| own.light.size);
+        let bounds = sizes(lamp, set, view).map(|s| s * size);
+        let constraints = own.map_or_else(
+            || LightConstraints { free: order.constraints.free.clone(), ..LightConstraints::default() },
+            |own| own.constraints.clone(),
+        );
+        let size_range = constraints.size_range.map_or(bounds, |[a, b]| [a.min(bounds[1]), b.min(bounds[1])]);
+        lamps.push(PlacedLamp {
+            name,
+            role,
+            lamp: lamp.scaled(1.0 / size),
+            place: set.place(lamp.position),
+            height: lamp.position.y - set.floor,
+            radiance,
+            size: size.clamp(size_range[0], size_range[1]),
+            constraints: LightConstraints { size_range: Some(size_range), ..constraints },
+        });
     }
     Rig { lamps, most: order.most, without_lights: order.without_lights, ground: set.ground() }
+}
+
+/// A name that none of `names` is: the word, with a number if need be.
+fn unused_name(word: &str, names: &[String]) -> String {
+    let numbered = (2..).map(|n| format!("{word} {n}"));
+    let mut all = std::iter::once(word.to_owned()).chain(numbered);
+    all.find(|name| !names.contains(name)).unwrap_or_default()
 }
 
 /// Least and largest size of a lamp at which it may stand where it does.
@@ -181,24 +328,25 @@ fn sizes(lamp: &Lamp, set: &Set, view: View) -> [f32; 2] {
 }
 
 impl Rig {
-    /// The lights of the lamps, with the radiance with which they were chosen.
+    /// The lights of the lamps, with the radiances and sizes with which they were chosen.
     pub fn lights(&self) -> impl Iterator<Item = Light> {
-        self.lamps.iter().map(|placed| Light {
-            radiance: placed.radiance as f32,
-            ..placed.lamp.light(placed.name.clone())
-        })
+        let light = |p: &PlacedLamp| Light {
+            radiance: p.radiance as f32,
+            size: p.size,
+            ..p.lamp.light(p.name.clone())
+        };
+        self.lamps.iter().map(light)
     }
 
-    /// The constraints of a scene's author, with those of the lamps added.
+    /// The constraints of the lights that stay where they are, with those of the lamps added.
     #[must_use]
-    pub fn constrained(&self, own: &Constraints) -> Constraints {
-        let mut constraints = own.clone();
-        constraints.lights.extend(self.lamps.iter().map(|placed| LightConstraints {
-            free: own.free.clone(),
-            size_range: Some(placed.sizes),
-            ..LightConstraints::default()
-        }));
-        constraints
+    pub fn constrained(&self, fixed: &[Light], order: &Order) -> Constraints {
+        let own = order.constraints;
+        let names = order.own_names.iter().zip(&own.lights);
+        let of_fixed = names.filter(|(name, _)| fixed.iter().any(|light| light.name == **name));
+        let lights = of_fixed.map(|(_, constraints)| constraints.clone());
+        let of_lamps = self.lamps.iter().map(|placed| placed.constraints.clone());
+        Constraints { lights: lights.chain(of_lamps).collect(), ..own.clone() }
     }
 }
 

@@ -10,9 +10,12 @@ use glam::{Vec2, Vec3};
 
 use super::{
     lamp::{Beam, Lamp},
-    set::Set,
+    set::{Place, Set},
 };
-use crate::{light::Outline, math::warp::square_to_sphere_octahedral};
+use crate::{
+    light::{Light, Outline},
+    math::warp::square_to_sphere_octahedral,
+};
 
 /// Cells along each side of the square that is mapped to the sphere: 256 cells are 13 degrees wide.
 const CELLS: u32 = 16;
@@ -43,6 +46,93 @@ fn cells(side: u32) -> impl Iterator<Item = Vec3> {
         let d = square_to_sphere_octahedral(cell / side as f32);
         Vec3::new(d.x, d.z, d.y)
     })
+}
+
+/// Distances of the shells on which a light of the scene may stand, over its own.
+const MOVED: [f32; 3] = [0.6, 1.0, 1.6];
+/// Cosine of the angle from a light's axis within which the subject's middle must be for it to be a light of the
+/// subject.
+const FACING: f32 = 0.5;
+
+/// A flat light of the scene as a lamp that faces where it faces now: the point of its axis nearest to the
+/// subject's middle or, away from that, what it lights there; `None` for one that cannot be moved.
+#[must_use]
+pub fn of_light(set: &Set, light: &Light) -> Option<Lamp> {
+    let lamp = Lamp::of_light(light, 1.0)?;
+    let to_subject = set.center - lamp.position;
+    let along = to_subject.dot(lamp.axis());
+    let distance = if along > FACING * to_subject.length() {
+        along
+    } else {
+        set.first_surface(lamp.position, lamp.axis()).unwrap_or(set.radius)
+    };
+    Lamp::of_light(light, distance)
+}
+
+/// Places all around the subject to which a lamp may be moved, facing the same point.
+#[must_use]
+pub fn moved(set: &Set, lamp: &Lamp) -> Vec<Lamp> {
+    let present = lamp.position.distance(set.center);
+    let mut lamps = Vec::new();
+    for dir in cells(CELLS) {
+        for distance in MOVED.map(|factor| factor * present) {
+            let Some(position) = set.before_walls(dir, distance) else { continue };
+            let there = Lamp { position, ..*lamp };
+            if set.allows(&there) && serves(set, &there) {
+                lamps.push(there);
+            }
+        }
+    }
+    lamps
+}
+
+/// Small moves of a lamp by `step`, degrees: around the subject, nearer and farther, with another aim; a lamp that
+/// is not the scene's own also with another size or beam.
+#[must_use]
+pub fn near(set: &Set, lamp: &Lamp, step: f32) -> Vec<Lamp> {
+    let place = set.place(lamp.position);
+    let share = step.to_radians();
+    let at = |azimuth: f32, elevation: f32, distance: f32| {
+        let place = Place {
+            azimuth: place.azimuth + azimuth / place.elevation.to_radians().cos().max(0.2),
+            elevation: (place.elevation + elevation).min(90.0),
+            distance: place.distance * distance,
+        };
+        Lamp { position: set.point(place), ..*lamp }
+    };
+    let mut lamps = vec![
+        at(step, 0.0, 1.0),
+        at(-step, 0.0, 1.0),
+        at(0.0, step, 1.0),
+        at(0.0, -step, 1.0),
+        at(0.0, 0.0, 1.0 + 1.5 * share),
+        at(0.0, 0.0, 1.0 / (1.0 + 1.5 * share)),
+    ];
+    let frame = lamp.planar().frame;
+    for aside in [frame.s, -frame.s, frame.t, -frame.t] {
+        lamps.push(Lamp { look_at: lamp.look_at + aside * (1.5 * share * set.radius), ..*lamp });
+    }
+    if lamp.of.is_none() {
+        let factor = 1.0 + 3.0 * share;
+        lamps.extend([lamp.scaled(factor), lamp.scaled(1.0 / factor)]);
+        let narrow = (set.radius / place.distance).min(1.0).asin().to_degrees();
+        let beams = match lamp.beam {
+            None => vec![Some(Beam { angle: narrow, softness: SOFTNESS })],
+            Some(beam) => {
+                let wide = (beam.angle * (1.0 + 1.5 * share)).min(80.0);
+                let others = [wide, beam.angle / (1.0 + 1.5 * share)];
+                others.into_iter().map(|angle| Some(Beam { angle, ..beam })).chain([None]).collect()
+            }
+        };
+        lamps.extend(beams.into_iter().map(|beam| Lamp { beam, ..*lamp }));
+    }
+    lamps.retain(|lamp| set.allows(lamp) && serves(set, lamp));
+    lamps
+}
+
+/// Whether a lamp sees the subject, or what it is aimed at.
+fn serves(set: &Set, lamp: &Lamp) -> bool {
+    set.sees_subject(lamp.position) || set.sees(lamp.position, lamp.look_at)
 }
 
 /// Lamps of all families that the set allows.
@@ -77,7 +167,7 @@ fn toward_subject(set: &Set) -> Vec<Lamp> {
     let lamp = |position: Vec3| {
         let half = EXTENT * position.distance(set.center);
         let outline = Outline::Rectangle { a: half, b: half };
-        Lamp { position, look_at: set.center, outline, beam: None }
+        Lamp::new(position, set.center, outline)
     };
     around(set, CELLS, &SHELLS).into_iter().map(lamp).filter(|lamp| set.allows(lamp)).collect()
 }
@@ -87,12 +177,8 @@ fn beams(set: &Set) -> Vec<Lamp> {
     let lamp = |position: Vec3| {
         let distance = position.distance(set.center);
         let seen = (set.radius / distance).min(1.0).asin().to_degrees();
-        BEAM_WIDTHS.map(|width| Lamp {
-            position,
-            look_at: set.center,
-            outline: Outline::Disk { r: BEAM_EXTENT * distance },
-            beam: Some(Beam { angle: width * seen, softness: SOFTNESS }),
-        })
+        let lamp = Lamp::new(position, set.center, Outline::Disk { r: BEAM_EXTENT * distance });
+        BEAM_WIDTHS.map(|width| Lamp { beam: Some(Beam { angle: width * seen, softness: SOFTNESS }), ..lamp })
     };
     centres.into_iter().flat_map(lamp).filter(|lamp| set.allows(lamp)).collect()
 }
@@ -104,7 +190,7 @@ fn toward_backdrop(set: &Set) -> Vec<Lamp> {
             for distance in BACKDROP_DISTANCES.map(|d| d * set.radius) {
                 let half = 1.5 * EXTENT * distance;
                 let outline = Outline::Rectangle { a: half, b: half };
-                let lamp = Lamp { position: aim + dir * distance, look_at: aim, outline, beam: None };
+                let lamp = Lamp::new(aim + dir * distance, aim, outline);
                 if spares_subject(set, &lamp) && set.allows(&lamp) && set.sees(lamp.position, aim) {
                     lamps.push(lamp);
                 }

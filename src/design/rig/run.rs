@@ -22,12 +22,16 @@ const LEAST_TIME: Duration = Duration::from_millis(1);
 pub struct Order<'a> {
     /// Lamps at most, besides the scene's own lights.
     pub most: usize,
+    /// Whether the scene's own flat lights may be moved.
+    pub moves: bool,
     /// Whether the lights of the scene's files were left out.
     pub without_lights: bool,
     /// Path of the scene file, for the record.
     pub path: &'a Path,
     /// Lighting of the scene's own lights.
     pub authored: &'a Lighting,
+    /// Names of the scene's own lights.
+    pub own_names: &'a [String],
     /// Constraints of the scene's author.
     pub constraints: &'a Constraints,
     /// Options of the run.
@@ -49,7 +53,7 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
     for (k, (job, rig)) in order.options.jobs.iter().zip(&rigs).enumerate() {
         scene = scene.with_lights(own.iter().cloned().chain(rig.lights()).collect());
         let authored = Lighting { exposure: order.authored.exposure, ..Lighting::authored(&scene) };
-        let constraints = rig.constrained(order.constraints);
+        let constraints = rig.constrained(&own, order);
         let left = order.options.time_limit.map(|limit| limit.saturating_sub(start.elapsed()));
         let options = RunOptions {
             jobs: vec![job.clone()],

@@ -247,6 +247,12 @@ impl<'a> Set<'a> {
         self.subject.iter().filter(sees).count() as f32 >= LEAST_SEEN * self.subject.len() as f32
     }
 
+    /// Distance of the first surface along a ray with unit direction, metres.
+    #[must_use]
+    pub fn first_surface(&self, p: Vec3, dir: Vec3) -> Option<f32> {
+        self.view.scene.intersect(p, dir).map(|hit| hit.t)
+    }
+
     /// Whether the point `p` sees the point `aim` of a surface.
     #[must_use]
     pub fn sees(&self, p: Vec3, aim: Vec3) -> bool {

@@ -128,7 +128,7 @@ impl Source<'_> {
             return Err(self.error(key, "a light that stops rays has no free size"));
         }
         let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
-        Ok(LightConstraints { free, size_range, radiance_max, is_from_file: false })
+        Ok(LightConstraints { free, size_range, radiance_max, is_from_file: false, stays: !l.movable })
     }
 }
 
