@@ -33,6 +33,8 @@ use crate::{
 pub const MANIFEST: &str = "run.toml";
 /// Name of the sidecar that was made for a scene without one.
 pub const STAGING: &str = "staging.toml";
+/// Name of the plan of the set of lamps that the program placed.
+pub const PLAN: &str = "plan.svg";
 /// Name of the transport basis of a run.
 pub const BASIS: &str = "transport.basis";
 
@@ -210,7 +212,7 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 13] = [
+    const NAMES: [&str; 14] = [
         MANIFEST,
         STAGING,
         BASIS,
@@ -224,6 +226,7 @@ fn is_ours(name: &str) -> bool {
         "final.png",
         "found.png",
         "lights.toml",
+        PLAN,
     ];
     let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));
     NAMES.contains(&name) || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))

@@ -8,6 +8,7 @@ pub mod evaluate;
 pub mod export;
 pub mod figures;
 pub mod learn;
+pub mod map;
 mod output;
 mod progress;
 pub mod relight;
@@ -40,6 +41,7 @@ enum Command {
     Stage(stage::StageArgs),
     Relight(relight::RelightArgs),
     Scan(scan::ScanArgs),
+    Where(map::MapArgs),
     Evaluate(evaluate::EvaluateArgs),
     LearnSignature(learn::LearnArgs),
     Classify(classify::ClassifyArgs),
@@ -59,6 +61,7 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Stage(args) => stage::stage(args),
         Command::Relight(args) => relight::relight(args),
         Command::Scan(args) => scan::scan(args),
+        Command::Where(args) => map::map(args),
         Command::Evaluate(args) => evaluate::evaluate(args),
         Command::LearnSignature(args) => learn::learn_signature(args),
         Command::Classify(args) => classify::classify(args),

@@ -21,12 +21,23 @@ fn run<'a>(options: &[&'a str]) -> Vec<&'a str> {
 #[test]
 fn a_scene_without_lights_is_lit_and_its_lamps_are_found_again() {
     let room = Room::with(OBJ, MTL, &dark());
-    let output = room.succeed(&run(&["--lamps", "2", "--out", "lit", "--json"]));
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let lamps = report["lamps"].as_array().unwrap();
+    let dark = ["--target", "low-key", "--work-size", "48x36", "--json", "--out"];
+    let report = |room: &Room, options: &[&str]| -> serde_json::Value {
+        let words = [
+            &["run", "room.obj", "--free", "radiance,size", "--size", "48x36", "--final-spp", "4"],
+            &dark[..],
+            options,
+        ];
+        serde_json::from_slice(&room.succeed(&words.concat()).stdout).unwrap()
+    };
+    let found = report(&room, &["lit", "--lamps", "2"]);
+    let lamps = found["lamps"].as_array().unwrap();
     assert!((1..=2).contains(&lamps.len()));
-    // A black picture has an f_q above 1.
-    assert!(report["f_q"].as_f64().unwrap() < 0.8, "{}", report["f_q"]);
+    // The author's two lamps, wherever he has put them.
+    let authored = report(&Room::new(), &["own"]);
+    let [ours, theirs] = [&found, &authored].map(|report| report["f_q"].as_f64().unwrap());
+    let errors = [&found, &authored].map(|report| report["f_q_error"].as_f64().unwrap());
+    assert!(ours + errors[0] + errors[1] < theirs, "{ours} {theirs}");
 
     let path = room.path("lit/lights.toml");
     let file = LightsFile::load(&path).unwrap();
@@ -45,10 +56,24 @@ fn a_scene_without_lights_is_lit_and_its_lamps_are_found_again() {
         let power = setting.radiance * f64::from(light.unit_power(setting.size.unwrap() as f32));
         assert!((power - setup.watts).abs() < 1e-3 + 1e-6 * power);
     }
-    room.succeed(&["render", "room.obj", "--lights", "lit/lights.toml", "--spp", "4", "-o", "a.png"]);
-    let picture = image::open(room.path("a.png")).unwrap().into_luma8();
-    let mean = picture.as_raw().iter().map(|&v| f64::from(v)).sum::<f64>() / picture.len() as f64;
-    assert!(mean > 40.0, "{mean}");
+    // They are the lamps of the run: the picture has the f_q that was found, within twice the half width of its 95 %
+    // interval, which is that of 99 % for four replicates.
+    room.succeed(&[
+        "render",
+        "room.obj",
+        "--lights",
+        "lit/lights.toml",
+        "--size",
+        "48x36",
+        "--spp",
+        "256",
+        "-o",
+        "a.exr",
+    ]);
+    let words = ["evaluate", "a.exr", "--target", "low-key", "--json"];
+    let measured: serde_json::Value = serde_json::from_slice(&room.succeed(&words).stdout).unwrap();
+    let (again, error) = (measured["f_q"].as_f64().unwrap(), found["f_q_error"].as_f64().unwrap());
+    assert!((again - ours).abs() < 2.0 * error, "{again} {ours} {error}");
     let plan = std::fs::read_to_string(room.path("lit/plan.svg")).unwrap();
     assert!(lamps.iter().all(|lamp| plan.contains(lamp["name"].as_str().unwrap())), "{plan}");
     // Nobody asked: a scene without lights has no other way.
@@ -70,6 +95,50 @@ fn the_threads_do_not_matter_and_own_lights_are_kept_if_asked() {
     assert_eq!(names[..2], ["key", "fill"]);
     assert!(names.len() == 3 && !file.without_lights);
     assert!(file.lights[2].placed.is_some() && file.lights[0].placed.is_none());
+}
+
+#[test]
+fn lights_are_moved_unless_they_must_stay() {
+    let place = |toml: &str| {
+        let room = Room::with(OBJ, MTL, toml);
+        room.succeed(&run(&["--move-lights", "--out", "moved"]));
+        let lights = LightsFile::load(&room.path("moved/lights.toml")).unwrap().lights;
+        lights
+            .into_iter()
+            .map(|light| (light.name, light.placed.map(|placed| placed.position)))
+            .collect::<Vec<_>>()
+    };
+    // The sphere cannot be moved, and the rectangle comes last.
+    let moved = place(TOML);
+    assert_eq!((moved[0].0.as_str(), moved[1].0.as_str()), ("fill", "key"));
+    assert!(moved[0].1.is_none() && moved[1].1.is_some_and(|p| p != [0.5, 1.8, 0.8]), "{moved:?}");
+    let stays =
+        place(&TOML.replace("half_extents = [0.2, 0.15]", "half_extents = [0.2, 0.15]\nmovable = false"));
+    assert!(stays.iter().all(|(_, placed)| placed.is_none()), "{stays:?}");
+}
+
+#[test]
+fn a_map_shows_where_a_lamp_would_help() {
+    let room = Room::with(OBJ, MTL, &dark());
+    let size = ["--work-size", "24x18", "--target", "low-key"];
+    for name in ["map.png", "map.csv", "map.exr"] {
+        let words = [&["where", "room.obj", "-o", name], &size[..]].concat();
+        room.command(&words).assert().code(0).stdout(contains("with a lamp at azimuth"));
+    }
+    let table = std::fs::read_to_string(room.path("map.csv")).unwrap();
+    let mut reader = csv::Reader::from_reader(table.as_bytes());
+    let rows: Vec<Vec<f64>> = reader
+        .records()
+        .map(|row| row.unwrap().iter().map(|v| v.parse().unwrap_or(f64::NAN)).collect())
+        .collect();
+    assert!(rows.len() > 30);
+    // In a black picture a lamp can help, and f_q with it is no worse than without.
+    let least = rows.iter().map(|row| row[5]).fold(f64::INFINITY, f64::min);
+    let most = rows.iter().map(|row| row[5]).fold(0.0, f64::max);
+    assert!(least < most - 0.05 && least > 0.0, "{least} {most}");
+    assert_eq!(image::open(room.path("map.png")).unwrap().width(), 920);
+    let error = room.fail(&["where", "room.obj", "-o", "map.txt"]);
+    assert!(error.contains("must end in .png, .csv or .exr"), "{error}");
 }
 
 #[test]

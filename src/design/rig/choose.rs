@@ -51,6 +51,19 @@ pub struct Choice {
     pub f_q: f64,
 }
 
+/// What a lamp would do that is added to a rig.
+#[derive(Clone, Copy, Debug)]
+pub struct Offer {
+    /// Index of the lamp among all lights.
+    pub light: usize,
+    /// f_q with the lamp at the best radiance of those at which lamps are priced, or without it.
+    pub f_q: f64,
+    /// That radiance, W·m⁻²·sr⁻¹.
+    pub radiance: f64,
+    /// Change of f_q by a little light of the lamp.
+    pub change: f64,
+}
+
 /// Search for a rig of one look on a carrier.
 pub struct Chooser<'a, C> {
     /// The lamps.
@@ -143,6 +156,33 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
             }
         }
         best
+    }
+
+    /// f_q of a rig as it is, and what every lamp would do that is added to it.
+    #[must_use]
+    pub fn offers(&self, rig: &Choice) -> (f64, Vec<Offer>) {
+        let offers = self.carrier.candidates().into_par_iter().map(|light| {
+            let mut lights = rig.lights.clone();
+            lights.push(light);
+            let added = lights.len() - 1;
+            let part = self.carrier.reduced_part(&lights);
+            let evaluator = part.evaluator(&self.objectives[1]);
+            let at = |level: f64| {
+                let mut rest = rig.u.iter().copied();
+                let variables = part.variables.variables.iter();
+                let u: Vec<f64> = variables
+                    .map(|v| if is_of(v, added) { level } else { rest.next().unwrap_or(0.0) })
+                    .collect();
+                let f = value(&evaluator, &u, Smoothing::DELTA_LAST, &mut Scratch::default());
+                (f, part.lighting(&u).radiance[added])
+            };
+            let present = at(0.0).0;
+            let levels = LEVELS.map(at);
+            let best = levels.into_iter().fold((present, 0.0), |best, l| if l.0 < best.0 { l } else { best });
+            (present, Offer { light, f_q: best.0, radiance: best.1, change: levels[0].0 - present })
+        });
+        let (present, offers): (Vec<f64>, Vec<Offer>) = offers.unzip();
+        (present.first().copied().unwrap_or(f64::NAN), offers)
     }
 
     /// Descends in all variables of some lights from `u`.
@@ -244,4 +284,25 @@ pub fn as_few_as_it_takes(rigs: &[Choice], tolerance: f64) -> Option<&Choice> {
         gains.all(|gain| gain <= 0.0)
     };
     (0..rigs.len()).find(is_enough).map(|i| &rigs[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rig_has_as_few_lamps_as_it_takes() {
+        let rigs = |f: &[f64]| -> Vec<Choice> {
+            let rig = |(n, &f_q): (usize, &f64)| Choice { lights: (0..=n).collect(), u: Vec::new(), f_q };
+            f.iter().enumerate().map(rig).collect()
+        };
+        let lamps = |f: &[f64]| as_few_as_it_takes(&rigs(f), 0.01).map(|rig| rig.lights.len());
+        assert_eq!(lamps(&[]), None);
+        assert_eq!(lamps(&[0.5]), Some(1));
+        assert_eq!(lamps(&[0.5, 0.3, 0.295]), Some(2));
+        // Neither alone, but both together gain enough.
+        assert_eq!(lamps(&[0.5, 0.495, 0.4]), Some(3));
+        assert_eq!(lamps(&[0.5, 0.495, 0.485]), Some(1));
+        assert_eq!(lamps(&[0.5, 0.6, 0.7]), Some(1));
+    }
 }

@@ -11,12 +11,14 @@
 //! | `carrier` | their pictures, rendered together |
 //! | `choose` | which of them, and how bright |
 //! | `describe`, `plan` | what a photographer would say of them, and draw |
+//! | `map` | where a lamp would help |
 //! | `run` | a whole run whose lamps the program places |
 
 mod carrier;
 mod choose;
 mod describe;
 mod lamp;
+mod map;
 pub mod places;
 mod plan;
 mod run;
@@ -34,7 +36,7 @@ use crate::{
     },
     integrator::View,
     light::Light,
-    lighting::Lighting,
+    lighting::{Lighting, MAX_RADIANCE},
     math::hash::hash_words,
     scene::Scene,
     variables::{Constraints, Fitted, LightConstraints, bounds},
@@ -42,6 +44,7 @@ use crate::{
 
 pub use describe::in_words;
 pub use lamp::{Beam, Lamp};
+pub use map::{Map, Spot, Survey, map};
 pub use run::{Order, run};
 pub use set::{Ground, Place, Set};
 
@@ -50,6 +53,8 @@ pub use set::{Ground, Place, Set};
 const STEPS: [f32; 2] = [10.0, 4.0];
 /// Sizes between which a lamp may vary, while it stays where it may stand.
 const SIZES: [f32; 2] = [0.25, 4.0];
+/// Largest radiance over that with which a lamp was chosen: the inverse square of its least size.
+const HEADROOM: f64 = 16.0;
 /// Halvings of the range of the largest size.
 const HALVINGS: u32 = 6;
 
@@ -286,7 +291,11 @@ fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Ri
         let size = own.map_or(1.0, |own| own.light.size);
         let bounds = sizes(lamp, set, view).map(|s| s * size);
         let constraints = own.map_or_else(
-            || LightConstraints { free: order.constraints.free.clone(), ..LightConstraints::default() },
+            || LightConstraints {
+                free: order.constraints.free.clone(),
+                radiance_max: largest_radiance(radiance),
+                ..LightConstraints::default()
+            },
             |own| own.constraints.clone(),
         );
         let size_range = constraints.size_range.map_or(bounds, |[a, b]| [a.min(bounds[1]), b.min(bounds[1])]);
@@ -302,6 +311,13 @@ fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Ri
         });
     }
     Rig { lamps, most: order.most, without_lights: order.without_lights, ground: set.ground() }
+}
+
+/// Upper bound of the radiance of a lamp that was chosen with a radiance: with it the lamp has the same flux at its
+/// least size, or [`HEADROOM`] times as much at its own.
+fn largest_radiance(chosen: f64) -> Option<f32> {
+    let most = (HEADROOM * chosen).min(f64::from(MAX_RADIANCE)) as f32;
+    (most > 0.0).then_some(most)
 }
 
 /// A name that none of `names` is: the word, with a number if need be.
