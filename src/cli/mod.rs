@@ -34,7 +34,7 @@ pub struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Run(run::RunArgs),
+    Run(Box<run::RunArgs>),
     Render(render::RenderArgs),
     Stage(stage::StageArgs),
     Relight(relight::RelightArgs),
