@@ -249,11 +249,10 @@ impl ViewArgs {
     ) -> ViewTransform {
         let view = self.view.or(lights).or(loaded.view);
         if view.is_none() && loaded.is_of_blender {
-            say(&format!(
-                "{}: made with Blender, seen through the view srgb (Blender's Standard); Blender's own default is \
-                 --view agx, or `view = \"agx\"` in the sidecar",
-                loaded.scene.name
-            ));
+            say(
+                "the scene was made with Blender, seen through the view srgb (Blender's Standard); Blender's own \
+                 default is --view agx, or `view = \"agx\"` in the sidecar",
+            );
         }
         view.unwrap_or_default()
     }

@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn contradictions_name_both_sides() {
         let error = |fill: &dyn Fn(&mut Wishes)| wishes(fill).unwrap_err().to_string();
-        type Case<'a> = (&'a dyn Fn(&mut Wishes), &'a [&'a str]);
+        type Case<'c> = (&'c dyn Fn(&mut Wishes), &'c [&'c str]);
         let cases: [Case; 9] = [
             (&|w| w.tie = strings(&["fill=key", "fill=rim/2"]), &["tie fill=key", "tie fill=rim/2"]),
             (&|w| w.tie = strings(&["fill=key", "key=fill"]), &["circle", "fill=key", "key=fill"]),

@@ -162,7 +162,7 @@ fn a_picture_in_one_channel_is_grey() {
 #[test]
 fn a_profile_counts_and_does_not_clip() {
     let ([obj, back], _, said) = measured(&mut evaluate(&data("display-p3.png"), &data("mask.png")));
-    assert!((obj - 0.5158).abs() < 1e-4 && (back - 0.2).abs() < 1e-4, "{obj} {back}");
+    assert!((obj - 0.5158).abs() < 3e-4 && (back - 0.2).abs() < 1e-4, "{obj} {back}");
     assert!(said.is_empty(), "{said}");
 }
 

@@ -132,7 +132,11 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
         for delta in [Smoothing::DELTA_FIRST, 5e-3] {
             let smoothing = Smoothing::with_delta(delta);
             let f = |u: &[f64]| evaluator.evaluate(u, &smoothing, None, &mut Scratch::default()).unwrap();
-            for u in &points {
+            // What one white light shows in a grey room is grey: there the least channel, from which PBR
+            // Neutral takes its offset, changes from one to another, and f has two slopes.
+            let is_grey = |u: &Vec<f64>| u[0] == 0.0 || u[2] == 0.0;
+            let has_edge = measure.view == ViewTransform::PbrNeutral;
+            for u in points.iter().filter(|u| !(has_edge && is_grey(u))) {
                 let mut gradient = vec![0.0; u.len()];
                 let mut scratch = Scratch::default();
                 let value = evaluator.evaluate(u, &smoothing, Some(&mut gradient), &mut scratch).unwrap();
