@@ -191,7 +191,7 @@ impl From<LuminanceArg> for LuminanceMode {
 /// What is wished of the lights.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Lights")]
-pub struct RigArgs {
+pub struct TieArgs {
     /// Leave a light as it is, or a variable of it (key.size), or the background; may be repeated
     #[arg(long, value_name = "LIGHT[.KIND]")]
     pub lock: Vec<String>,
@@ -219,7 +219,7 @@ pub struct RigArgs {
     pub group: Vec<String>,
 }
 
-impl RigArgs {
+impl TieArgs {
     /// The wishes of the sidecar and of the command line.
     #[must_use]
     pub fn wishes(&self, of_sidecar: &Wishes) -> Wishes {

@@ -15,7 +15,7 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, RigArgs, TransportArgs, ViewArgs, free_kinds,
+        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, free_kinds,
         lighting, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
@@ -180,7 +180,7 @@ pub struct RunArgs {
 
     /// Ties and locks.
     #[command(flatten)]
-    pub rig: RigArgs,
+    pub ties: TieArgs,
 
     /// Which brightness is measured, of what the view shows [default: srgb]
     #[arg(long, value_enum)]
@@ -294,7 +294,7 @@ fn work(
         let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
         let (mut authored, _) = lighting(&scene, None, args.exposure)?;
-        let wishes = args.rig.wishes(&wishes);
+        let wishes = args.ties.wishes(&wishes);
         wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {

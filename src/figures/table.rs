@@ -315,6 +315,6 @@ mod tests {
         assert_eq!(lines.len(), 5);
         let text = table().text();
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[..3], ["A & B: f_q", "scene  what       f_q  none", "a      x_1, \"y\"  0.123  –"]);
+        assert_eq!(lines[..3], ["A & B: f_q", "scene  what        f_q  none", "a      x_1, \"y\"  0.123  –"]);
     }
 }

@@ -275,7 +275,7 @@ impl Source<'_> {
         scene.origin = self.origin;
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
-        let (wishes, view) = (sidecar.rig.clone(), sidecar.view);
+        let (wishes, view) = (sidecar.ties.clone(), sidecar.view);
         Ok(Loaded { scene, constraints, warnings, wishes, view, is_of_blender, staging: None })
     }
 

@@ -61,7 +61,7 @@ pub struct Sidecar {
     pub movement: MovementSpec,
     /// Lights that stay as they are, are off, or follow others.
     #[serde(default)]
-    pub rig: Wishes,
+    pub ties: Wishes,
     /// Lights besides those of a glTF and the materials that emit.
     #[serde(default)]
     pub lights: Vec<LightSpec>,

@@ -249,7 +249,7 @@ fn locked_lights_keep_their_bits_and_tied_ones_their_ratio() {
         let error = room.fail(&run(&options));
         assert!(error.contains(wanted), "{error}");
     }
-    let room = Room::with(OBJ, MTL, &format!("{TOML}[rig]\ntie = [\"fill=key/2\"]\n"));
+    let room = Room::with(OBJ, MTL, &format!("{TOML}[ties]\ntie = [\"fill=key/2\"]\n"));
     let error = room.fail(&run(&["--tie", "fill=key"]));
     assert!(error.contains("tie fill=key and tie fill=key/2"), "{error}");
 }
