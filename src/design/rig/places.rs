@@ -124,10 +124,20 @@ pub fn near(set: &Set, lamp: &Lamp, step: f32) -> Vec<Lamp> {
                 others.into_iter().map(|angle| Some(Beam { angle, ..beam })).chain([None]).collect()
             }
         };
-        lamps.extend(beams.into_iter().map(|beam| Lamp { beam, ..*lamp }));
+        // What has a beam is round.
+        let outline = |beam: Option<Beam>| if beam.is_some() { round(lamp.outline) } else { lamp.outline };
+        lamps.extend(beams.into_iter().map(|beam| Lamp { beam, outline: outline(beam), ..*lamp }));
     }
     lamps.retain(|lamp| set.allows(lamp) && serves(set, lamp));
     lamps
+}
+
+/// A disk of the area of an outline.
+fn round(outline: Outline) -> Outline {
+    match outline {
+        Outline::Rectangle { a, b } => Outline::Disk { r: (4.0 * a * b / std::f32::consts::PI).sqrt() },
+        disk @ Outline::Disk { .. } => disk,
+    }
 }
 
 /// Whether a lamp sees the subject, or what it is aimed at.
