@@ -266,7 +266,7 @@ fn a_refocused_basis_shows_its_lights_with_less_error_than_one_of_all_lights() {
     const REACH: f64 = 0.35;
     const KNOTS: usize = 16;
     let scene = scene();
-    let (n, spp, n_direct) = (16, 16, 32);
+    let (n, spp, n_direct) = (16, 16, 16);
     let everywhere = layout(&scene, BDPT.max_depth);
     let open = open_plan(&scene);
     let mut unfocused = TransportBasis::new(everywhere.clone(), n);
@@ -293,7 +293,7 @@ fn a_refocused_basis_shows_its_lights_with_less_error_than_one_of_all_lights() {
         let direct: Vec<Vec<f64>> = (0..n_direct)
             .map(|i| {
                 let seed = 3000 * (k as u64 + 1) + i;
-                let samples = Samples { sampler: SamplerKind::Sobol, seed, first: 0, count: 128 };
+                let samples = Samples { sampler: SamplerKind::Sobol, seed, first: 0, count: 64 };
                 let rgb = subject.render(&BDPT, samples).rgb;
                 rgb.into_iter().map(math::display::luminance).collect()
             })
