@@ -29,7 +29,7 @@ pub struct LightsFile {
     /// Exposure, a factor on luminance before display encoding; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
     pub exposure: Option<f64>,
-    /// ViewTransform through which the picture is seen; that of the scene if absent.
+    /// View through which the picture is seen; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<ViewTransform>,
     /// Setting of the background; that of the scene if absent.

@@ -26,7 +26,7 @@ pub struct About {
     pub fixed: Lighting,
     /// How luminance is measured behind the view.
     pub luminance: LuminanceMode,
-    /// ViewTransform through which pictures are seen; `srgb` in bases of earlier versions.
+    /// View through which pictures are seen; `srgb` in bases of earlier versions.
     #[serde(default)]
     pub view: ViewTransform,
     /// Mask of the main object, row by row, as lengths of runs of pixels off and on it in turn.

@@ -123,7 +123,7 @@ pub struct RunArgs {
     pub lamps: Option<u8>,
 
     /// Move the scene's own rectangles, disks and spots as well: each goes around the subject and turns to face
-    /// what it faces now. A light of the sidecar with `movable = false` stays
+    /// what it faces now. Lights that are locked or off stay, and those with `movable = false` in the sidecar
     #[arg(long)]
     pub move_lights: bool,
 
@@ -331,6 +331,11 @@ fn work(
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
         };
+        if args.move_lights && !constraints.bonds.is_empty() {
+            bail!(
+                "--move-lights: lights that follow others (--tie, --ratio, --group, [ties]) cannot be moved"
+            );
+        }
         let (path, authored, constraints) = (scene_path.as_path(), &authored, &constraints);
         let own_names: Vec<String> = scene.lights.iter().map(|light| light.name.clone()).collect();
         let wanted = args.lamps.or_else(|| own_names.is_empty().then_some(LAMPS));

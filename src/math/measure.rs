@@ -24,7 +24,7 @@ pub const PLANES: [char; COLOUR_PLANES] = ['Y', 'R', 'B'];
 /// How a linear picture is shown, and how its brightness is measured then.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Measure {
-    /// ViewTransform through which pictures are seen.
+    /// View through which pictures are seen.
     pub view: ViewTransform,
     /// How luminance is measured behind the view.
     pub luminance: LuminanceMode,

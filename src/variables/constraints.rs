@@ -66,3 +66,11 @@ pub struct LightConstraints {
     /// Whether the light stays where it is, also where others may be moved.
     pub stays: bool,
 }
+
+impl LightConstraints {
+    /// Nothing of the light varies, and it stays where it is.
+    pub fn keep(&mut self) {
+        self.free = FreeKinds(Vec::new());
+        self.stays = true;
+    }
+}

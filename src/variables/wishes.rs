@@ -127,7 +127,7 @@ impl Wishes {
         }
         for light in off {
             radiance[light] = 0.0;
-            constraints.lights[light].free = FreeKinds(Vec::new());
+            constraints.lights[light].keep();
         }
         constraints.bonds = bonds;
         Ok(())
@@ -166,10 +166,10 @@ impl Wishes {
                 _ => (word.as_str(), None),
             };
             let light = light(names, owner, "lock")?;
-            let free = &mut constraints.lights[light].free;
+            let of_light = &mut constraints.lights[light];
             match kind {
-                Some(kind) => drop_kind(free, kind),
-                None => *free = FreeKinds(Vec::new()),
+                Some(kind) => drop_kind(&mut of_light.free, kind),
+                None => of_light.keep(),
             }
             if kind != Some(Size::KEYWORD) {
                 locked.push(light);

@@ -115,6 +115,12 @@ fn lights_are_moved_unless_they_must_stay() {
     let stays =
         place(&TOML.replace("half_extents = [0.2, 0.15]", "half_extents = [0.2, 0.15]\nmovable = false"));
     assert!(stays.iter().all(|(_, placed)| placed.is_none()), "{stays:?}");
+    let locked = Room::with(OBJ, MTL, TOML);
+    locked.succeed(&run(&["--move-lights", "--lock", "key", "--out", "locked"]));
+    let lights = LightsFile::load(&locked.path("locked/lights.toml")).unwrap().lights;
+    assert!(lights.iter().all(|light| light.placed.is_none()), "{lights:?}");
+    let error = locked.fail(&["run", "room.obj", "--move-lights", "--tie", "fill=key/2"]);
+    assert!(error.contains("--move-lights: lights that follow others"), "{error}");
 }
 
 #[test]
@@ -175,4 +181,16 @@ fn what_is_wrong_with_the_region_is_said() {
     let room = Room::new();
     room.command(&run(&["--keep"])).assert().code(2);
     room.command(&run(&["--lamps", "0"])).assert().code(2);
+}
+
+#[test]
+fn lights_that_are_off_stay_dark_beside_placed_lamps() {
+    let room = Room::with(OBJ, MTL, TOML);
+    room.succeed(&run(&["--lamps", "1", "--keep", "--off", "fill", "--lock", "key", "--out", "off"]));
+    let lights = LightsFile::load(&room.path("off/lights.toml")).unwrap().lights;
+    let radiance = |name: &str| lights.iter().find(|light| light.name == name).unwrap().radiance;
+    assert_eq!(radiance("fill"), 0.0);
+    let authored = import::load(&room.path("room.obj")).unwrap().scene.lights;
+    let key = authored.iter().find(|light| light.name == "key").unwrap().radiance;
+    assert_eq!(radiance("key"), f64::from(key));
 }

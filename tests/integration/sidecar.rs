@@ -88,11 +88,12 @@ fn what_is_missing_is_named() {
             "`main_object`: names no triangle; give `objects`, `materials` or `inside`",
         ),
     ]);
+    // Without lights `run` places some.
     let without = |from: &str, to: &str| {
         let (a, b) = (TOML.find(from).unwrap(), to.is_empty().then_some(TOML.len()));
         let b = b.unwrap_or_else(|| TOML.find(to).unwrap());
         let room = Room::with(OBJ, MTL, &format!("{}{}", &TOML[..a], &TOML[b..]));
-        room.fail_at_once(&["run", "room.obj"])
+        room.fail_at_once(&["render", "room.obj"])
     };
     let error = without("[camera]", "[main_object]");
     assert!(error.contains("room.toml:1: missing field `camera`"), "{error}");

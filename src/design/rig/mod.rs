@@ -108,6 +108,10 @@ pub fn find(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<(Ve
         lamps.extend(company.movable.iter().flat_map(|own| places::moved(&set, &own.lamp)));
         if order.most > 0 {
             lamps.extend(places::all(&set));
+        } else if lamps.is_empty() {
+            reporter.note("none of the lights may be moved: all stay where they are");
+            let rig = Rig::empty(order, set.ground());
+            return Ok((vec![rig; options.jobs.len()], scene));
         }
         (company, lamps)
     };
@@ -310,7 +314,7 @@ fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Ri
             constraints: LightConstraints { size_range: Some(size_range), ..constraints },
         });
     }
-    Rig { lamps, most: order.most, without_lights: order.without_lights, ground: set.ground() }
+    Rig { lamps, ..Rig::empty(order, set.ground()) }
 }
 
 /// Upper bound of the radiance of a lamp that was chosen with a radiance: with it the lamp has the same flux at its
@@ -344,6 +348,11 @@ fn sizes(lamp: &Lamp, set: &Set, view: View) -> [f32; 2] {
 }
 
 impl Rig {
+    /// A rig without lamps.
+    fn empty(order: &Order, ground: Ground) -> Self {
+        Self { lamps: Vec::new(), most: order.most, without_lights: order.without_lights, ground }
+    }
+
     /// The lights of the lamps, with the radiances and sizes with which they were chosen.
     pub fn lights(&self) -> impl Iterator<Item = Light> {
         let light = |p: &PlacedLamp| Light {

@@ -9,6 +9,7 @@ use super::find;
 use crate::{
     audit::BASIS,
     design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
+    light::Light,
     lighting::Lighting,
     scene::Scene,
     variables::Constraints,
@@ -46,7 +47,9 @@ pub struct Order<'a> {
 /// As [`find`] and [`design::run`].
 pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
-    let (rigs, mut scene) = find(scene, order, reporter)?;
+    let lit = scene.lights.iter().zip(&order.authored.radiance);
+    let lights = lit.map(|(light, &radiance)| Light { radiance: radiance as f32, ..light.clone() }).collect();
+    let (rigs, mut scene) = find(scene.with_lights(lights), order, reporter)?;
     let own = scene.lights.clone();
     let mut reports = Vec::new();
     let n = rigs.len();

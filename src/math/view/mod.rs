@@ -1,4 +1,4 @@
-//! ViewTransform transforms: what stands between linear light and the light of a display.
+//! View transforms: what stands between linear light and the light of a display.
 //!
 //! A view makes display-linear Rec.709 in [0, 1] of a linear Rec.709 colour that is multiplied by the
 //! exposure. The file of a picture then has `oetf_srgb` of it. Derivatives are exact; where a channel is
