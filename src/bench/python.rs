@@ -14,8 +14,7 @@ use std::{
 use serde_json::Value;
 
 /// Packages of an environment, with the versions that an installed one gets.
-pub const PACKAGES: [(&str, &str); 4] =
-    [("mitsuba", "3.9.1"), ("pyluxcore", "2.11.2"), ("numpy", "2.4.6"), ("scipy", "1.17.1")];
+pub const PACKAGES: [(&str, &str); 2] = [("mitsuba", "3.9.1"), ("numpy", "2.4.6")];
 
 /// What Mitsuba's `llvm` variants need besides, in words.
 pub const LLVM: &str = "Mitsuba's variant llvm_ad_rgb also needs LLVM, of which version 15 aborts: install Debian's \

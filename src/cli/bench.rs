@@ -50,12 +50,12 @@ use crate::{
     lightopt-embree bench --python peers\n  \
     lightopt-embree bench --python peers --quick --scene cornell_box --only efficiency\n\n\
     The directory holds performance.md with everything in it, CSV for each table, a PNG for each plot,\n\
-    and bench.json with every number in full precision. The parts take: rays a minute, efficiency\n\
-    about an hour; --quick a minute or two each.\n\
+    and bench.json with every number in full precision. Efficiency takes by far the longest; with\n\
+    --quick everything takes minutes.\n\
     Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by a signal.")]
 pub struct BenchArgs {
-    /// Make a Python environment with the other renderers in DIR (mitsuba, pyluxcore, numpy, scipy; some
-    /// 850 MB), and do nothing else
+    /// Make a Python environment with the other renderers in DIR (mitsuba and numpy; some
+    /// 300 MB), and do nothing else
     #[arg(long, value_name = "DIR", exclusive = true)]
     pub install_peers: Option<PathBuf>,
 
@@ -163,7 +163,7 @@ impl BenchArgs {
 pub fn bench(args: &BenchArgs) -> anyhow::Result<()> {
     let console = Console::new();
     if let Some(directory) = &args.install_peers {
-        console.stage("installing mitsuba, pyluxcore, numpy and scipy", None);
+        console.stage("installing mitsuba and numpy", None);
         let python = python::install(directory);
         console.finish();
         console.note(LLVM);

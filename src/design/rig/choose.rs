@@ -189,7 +189,8 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
     fn polished(&self, lights: Vec<usize>, u: &[f64]) -> Result<Choice, OptimError> {
         let part = self.carrier.part(&lights);
         let evaluator = part.evaluator(&self.objectives[0]);
-        let u = descend(&evaluator, u, self.cancelled)?;
+        // Own lights of which nothing is free have no variables.
+        let u = if u.is_empty() { Vec::new() } else { descend(&evaluator, u, self.cancelled)? };
         let f_q = value(&evaluator, &u, Smoothing::DELTA_LAST, &mut Scratch::default());
         Ok(Choice { lights, u, f_q })
     }
