@@ -15,6 +15,9 @@ into the normal deviate of the same probability.
 
 Rough models get the light between their facets that this program has and Mitsuba lacks (facets.py), so
 that what is compared is transport, down to a pixel; `--single` leaves them as the export has them.
+
+Mitsuba's vectorised variant asks LLVM for an instruction (`fminimum`) that LLVM 14 and 15 do not have for x86: the
+process is aborted. `DRJIT_LIBLLVM_PATH` chooses a newer one; a path to nothing leaves the scalar variant.
 """
 
 import argparse
