@@ -38,7 +38,7 @@ impl Pairs {
     }
 
     /// Relative mean squared error of a picture of each round: its variance in a pixel over the square of the
-    /// reference there, which [`FLOOR`] keeps from 0.
+    /// reference there, which a floor keeps from 0.
     #[must_use]
     pub fn relative_errors(&self, reference: &[f64]) -> Vec<f64> {
         let of_round = |variances: &Vec<f32>| {

@@ -26,7 +26,7 @@ struct Generated {
     sidecar: &'static str,
 }
 
-/// Names of the scenes that [`write`] writes.
+/// Names of the scenes that [`write()`] writes.
 pub const NAMES: [&str; 3] = ["still_life", "caustic_ring", "cornell_box"];
 
 /// Writes the scene of this name into a directory, and returns the path of its OBJ; `None` for another name.

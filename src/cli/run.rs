@@ -118,7 +118,7 @@ pub struct RunArgs {
     pub free: Option<Vec<VariableKind>>,
 
     /// Place lamps: N at most, and as few as it takes, in the place of the scene's own lights [default: 4
-    /// for a scene that has none]. Where they may stand is said by [movement] in the sidecar
+    /// for a scene that has none]. Where they may stand is said by `movement` in the sidecar
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=12))]
     pub lamps: Option<u8>,
 
