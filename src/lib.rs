@@ -43,7 +43,7 @@
 //! | [`audit`] | the run directory, `lights.toml`, what a stored basis says of itself, what an unfinished command has made |
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |
-//! | [`mod@bench`] | how fast all this is, beside others |
+//! | [`bench`](mod@bench) | how fast all this is, beside others |
 //! | [`cli`] | the command line |
 //!
 //! `docs/architecture.md` shows how data goes through them and where to add what,
