@@ -14,7 +14,7 @@ use super::{
     BenchError,
     peers::{Mitsuba, VARIANTS},
     pictures::{Agreement, Pairs, reference},
-    plots::{Bar, Group, bars},
+    plots::{Bar, bars, grouped},
     report::Section,
     spread::Spread,
     subject::{Rendered, Subject},
@@ -316,19 +316,12 @@ fn section(rows: &[Row], mut notes: Vec<String>, settings: &Settings) -> Result<
 
 /// Bars of the ratios to Mitsuba's best, or of the efficiencies without Mitsuba.
 fn plot(rows: &[Row]) -> Result<Canvas, BenchError> {
-    let mut groups: Vec<Group> = Vec::new();
-    for row in rows {
-        let name = format!("{}, lights {}, {}x{}", row.scene, row.lights, row.size.x, row.size.y);
-        if groups.last().is_none_or(|group| group.name != name) {
-            groups.push(Group { name, bars: Vec::new() });
-        }
-        let bar = Bar {
-            name: row.entrant.words(),
-            value: row.ratio.unwrap_or(row.efficiency),
-            ours: row.entrant.is_ours(),
-        };
-        groups.last_mut().into_iter().for_each(|group| group.bars.push(bar.clone()));
-    }
+    let bar = |row: &Row| {
+        let group = format!("{}, lights {}, {}x{}", row.scene, row.lights, row.size.x, row.size.y);
+        let value = row.ratio.unwrap_or(row.efficiency);
+        (group, Bar { name: row.entrant.words(), value, ours: row.entrant.is_ours() })
+    };
+    let groups = grouped(rows.iter().map(bar));
     let has_best = rows.iter().any(|row| row.ratio.is_some());
     let what = if has_best { "efficiency over that of Mitsuba's best" } else { "efficiency, 1/s" };
     Ok(bars(&groups, what)?)

@@ -45,7 +45,7 @@ impl Mitsuba {
         let at = match self.processes.iter().position(|(name, _)| name == variant) {
             Some(at) => at,
             None => {
-                let process = MitsubaProcess::start(&self.environment, variant, self.threads, variant)?;
+                let process = MitsubaProcess::start(&self.environment, variant, self.threads)?;
                 self.processes.push((variant.to_owned(), process));
                 self.processes.len() - 1
             }
@@ -65,17 +65,12 @@ pub struct MitsubaProcess {
 }
 
 impl MitsubaProcess {
-    /// Starts Mitsuba on some threads; its pictures and kernels go below `home`, a name.
+    /// Starts Mitsuba on some threads; its pictures and kernels go into a directory of the variant's name.
     ///
     /// # Errors
     /// When it cannot be started, or does not have the variant.
-    pub fn start(
-        environment: &Environment,
-        variant: &str,
-        threads: usize,
-        home: &str,
-    ) -> Result<Self, BenchError> {
-        let mut process = environment.start("mitsuba_worker.py", home)?;
+    pub fn start(environment: &Environment, variant: &str, threads: usize) -> Result<Self, BenchError> {
+        let mut process = environment.start("mitsuba_worker.py", variant)?;
         let answer = process.ask(&json!({"op": "start", "variant": variant, "threads": threads}))?;
         let llvm = answer["llvm"].as_str().map(str::to_owned);
         let picture = absolute(&process.home().join("picture.f32"))?;

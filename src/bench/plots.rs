@@ -13,7 +13,7 @@ use crate::figures::{
 pub struct Bar {
     /// What was measured.
     pub name: String,
-    /// Its length.
+    /// The number with its range: the length of the bar, and the line on it.
     pub value: Spread,
     /// Whether it is this program's.
     pub ours: bool,
@@ -28,20 +28,36 @@ pub struct Group {
     pub bars: Vec<Bar>,
 }
 
-/// Width of the canvas, and of its left margin with the names, pixels.
+/// Bars in groups: those that follow each other under the same name belong together.
+#[must_use]
+pub fn grouped(bars: impl IntoIterator<Item = (String, Bar)>) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (name, bar) in bars {
+        match groups.last_mut().filter(|group| group.name == name) {
+            Some(group) => group.bars.push(bar),
+            None => groups.push(Group { name, bars: vec![bar] }),
+        }
+    }
+    groups
+}
+
+/// Width of the canvas, pixels.
 const WIDTH: i32 = 960;
+/// Width of the left margin, with the names, pixels.
 const LEFT: i32 = 320;
 /// Right margin, with the last number, pixels.
 const RIGHT: i32 = 80;
 /// Height of a row, pixels.
 const ROW: i32 = 22;
-/// Upper margin, with what the bars show, and lower margin, pixels.
+/// Upper margin, with what the bars show, pixels.
 const TOP: i32 = 56;
+/// Lower margin, pixels.
 const BOTTOM: i32 = 20;
 /// Height of letters, pixels.
 const LETTERS: u32 = 14;
-/// Colours of this program and of others.
+/// Colour of this program's bars.
 const OURS: RGBColor = RGBColor(0, 96, 160);
+/// Colour of the bars of other programs.
 const THEIRS: RGBColor = RGBColor(176, 176, 176);
 
 /// Draws groups of bars, one below the other, on one scale from 0.

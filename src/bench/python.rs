@@ -171,18 +171,6 @@ impl Process {
         self.log.parent().unwrap_or(Path::new("."))
     }
 
-    /// Waits until the process has ended by itself.
-    ///
-    /// # Errors
-    /// When it fails at its end.
-    pub fn finish(mut self) -> Result<(), PythonError> {
-        drop(self.input.take());
-        match self.child.wait() {
-            Ok(status) if status.success() => Ok(()),
-            _ => Err(self.ended()),
-        }
-    }
-
     /// Asks the process to do something, and waits for its answer.
     ///
     /// # Errors

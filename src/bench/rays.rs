@@ -1,8 +1,8 @@
 //! Rays a second inside our integrators, beside those of a bare loop of Embree.
 //!
 //! The rays of a picture are recorded once, and made again by a loop in C that does nothing with what they hit.
-//! Its rays a second are the limit of a renderer that asks for one ray at a time; the share of it that a picture
-//! reaches says how much of the seconds is Embree's.
+//! The rays a second of that loop are the limit of a renderer that asks for one ray at a time; the share of it
+//! that a picture reaches says how much of the seconds is Embree's.
 
 use std::time::Instant;
 
@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::{
     BenchError,
-    plots::{Bar, Group, bars},
+    plots::{Bar, bars, grouped},
     report::Section,
     spread::Spread,
     subject::Subject,
@@ -153,14 +153,11 @@ fn section(rows: &[Row], settings: &Settings) -> Result<Section, BenchError> {
         rows: rows.iter().map(entry).collect(),
         grouped: 1,
     };
-    let mut groups: Vec<Group> = Vec::new();
-    for row in rows {
+    let bar = |row: &Row| {
         let bar = Bar { name: row.integrator.name().to_owned(), value: row.share, ours: true };
-        match groups.last_mut().filter(|group| group.name == row.scene) {
-            Some(group) => group.bars.push(bar),
-            None => groups.push(Group { name: row.scene.clone(), bars: vec![bar] }),
-        }
-    }
+        (row.scene.clone(), bar)
+    };
+    let groups = grouped(rows.iter().map(bar));
     let plot = bars(&groups, "rays a second over those of a bare loop of Embree")?;
     Ok(Section {
         name: "rays",

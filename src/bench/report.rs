@@ -15,7 +15,7 @@ use crate::{
 pub struct Section {
     /// Name of the part.
     pub name: &'static str,
-    /// Its heading.
+    /// Heading of the part in pages.
     pub heading: &'static str,
     /// Tables, by the names of their files.
     pub tables: Vec<(String, Table)>,

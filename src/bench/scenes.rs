@@ -5,7 +5,6 @@
 mod shapes;
 
 use std::{
-    fmt::Write as _,
     fs,
     path::{Path, PathBuf},
 };
@@ -208,46 +207,6 @@ radiance = 40.0
 color = [0.8, 0.9, 1.0]
 "#;
 
-/// A field of balls of about `triangles` triangles before a wall, lit by `lights` spheres that are together as
-/// bright whatever their number; returns the path of its OBJ. It has one material, so that other programs can
-/// read the same OBJ.
-///
-/// # Errors
-/// When a file cannot be written.
-pub fn field(directory: &Path, triangles: usize, lights: usize) -> Result<PathBuf, BenchError> {
-    let name = format!("field_{triangles}_{lights}");
-    let mut shapes = Shapes::default();
-    let ground = shapes.object("ground", "grey");
-    ground.quad(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0);
-    let balls = shapes.object("balls", "grey");
-    // A sphere of n rows has 4 n (n - 1) triangles, without those that its poles would have twice.
-    let n = ((triangles as f64 / 25.0 / 4.0).sqrt() + 0.5).max(2.0) as usize;
-    for i in 0..25 {
-        let place = Vec3::new((i % 5) as f32 - 2.0, 0.0, (i / 5) as f32 - 2.0);
-        balls.sphere(0.8 * place + Vec3::Y * 0.35, 0.35, n);
-    }
-    let mut sidecar = String::from(
-        "schema = 1\n[camera]\nposition = [0.0, 2.6, 5.0]\nlook_at = [0.0, 0.2, 0.0]\nvfov = 36.0\n\
-         size = [128, 96]\n[main_object]\nobjects = [\"balls\"]\n",
-    );
-    for i in 0..lights {
-        let angle = std::f32::consts::TAU * i as f32 / lights as f32;
-        let _ = write!(
-            sidecar,
-            "[[lights]]\nname = \"light_{i}\"\ntype = \"sphere\"\nposition = [{:.4}, 2.2, {:.4}]\n\
-             radius = 0.1\nradiance = {:.5}\n",
-            2.2 * angle.sin(),
-            2.2 * angle.cos(),
-            120.0 / lights as f32
-        );
-    }
-    let path = directory.join(&name).with_extension("obj");
-    put(&path, &format!("mtllib {name}.mtl\n{}", shapes.obj()))?;
-    put(&path.with_extension("mtl"), "newmtl grey\nKd 0.6 0.6 0.6\nillum 1\n")?;
-    put(&path.with_extension("toml"), &sidecar)?;
-    Ok(path)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -274,14 +233,5 @@ mod tests {
         }
         assert!(NAMES.iter().all(|name| write(name, directory.path()).unwrap().is_some()));
         assert!(write("elsewhere", directory.path()).unwrap().is_none());
-    }
-
-    #[test]
-    fn a_field_has_about_as_many_triangles_and_as_many_lights() {
-        let directory = tempfile::tempdir().unwrap();
-        let loaded = import::load(&field(directory.path(), 10_000, 7).unwrap()).unwrap();
-        let triangles = loaded.scene.mesh.indices.len();
-        assert!((9_000..11_500).contains(&triangles), "{triangles}");
-        assert_eq!(loaded.scene.lights.len(), 7);
     }
 }

@@ -26,12 +26,6 @@ impl Spread {
         }
     }
 
-    /// The spread of what `of` makes of each.
-    #[must_use]
-    pub fn over<T>(each: &[T], of: impl Fn(&T) -> f64) -> Self {
-        Self::of(&each.iter().map(of).collect::<Vec<_>>())
-    }
-
     /// In words, with some decimals: `1.31 (1.25 to 1.40)`; the median alone where all are equal.
     #[must_use]
     pub fn words(&self, decimals: usize) -> String {
@@ -52,7 +46,7 @@ mod tests {
         let spread = Spread::of(&[3.0, 1.0, 2.5]);
         assert_eq!(spread, Spread { median: 2.5, least: 1.0, largest: 3.0 });
         assert_eq!(spread.words(1), "2.5 (1.0 to 3.0)");
-        assert_eq!(Spread::over(&[2, 2], |&n| f64::from(n)).words(0), "2");
+        assert_eq!(Spread::of(&[2.0, 2.0]).words(0), "2");
         assert!(Spread::of(&[]).median.is_nan());
     }
 }

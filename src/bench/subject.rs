@@ -22,9 +22,6 @@ use crate::{
     scene::Scene,
 };
 
-/// Edges of the longest light path after the camera: the default of `render`.
-pub const MAX_DEPTH: usize = 8;
-
 /// A scene with its own lighting.
 #[derive(Debug)]
 pub struct Subject {
@@ -34,7 +31,7 @@ pub struct Subject {
     pub path: PathBuf,
     /// The scene.
     pub scene: Scene,
-    /// Its author's lighting.
+    /// Lighting that the scene's author gave it.
     pub lighting: Lighting,
 }
 
@@ -52,7 +49,7 @@ pub struct Rendered {
 /// A renderer of ours for the measurements: sampler and depth are the defaults of `render`.
 #[must_use]
 pub fn renderer(kind: IntegratorKind) -> Renderer {
-    let integrator = Integrator { kind, max_depth: MAX_DEPTH, ..Integrator::default() };
+    let integrator = Integrator { kind, ..Integrator::default() };
     Renderer { integrator, sampler: SamplerKind::Sobol, measure: Measure::default() }
 }
 
@@ -87,8 +84,7 @@ impl Subject {
     pub fn with_bodies(&self) -> Result<Option<Self>, BenchError> {
         let is_solid = |l: &Light| match &l.shape {
             Shape::Planar(p) => p.cone.is_none(),
-            Shape::Sphere(_) => true,
-            Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) => l.is_infinite() || l.is_delta(),
+            Shape::Sphere(_) | Shape::Point(_) | Shape::Distant(_) | Shape::Environment(_) => true,
             Shape::Mesh(_) => false,
         };
         let lights = &self.scene.lights;
@@ -142,7 +138,7 @@ impl Subject {
     pub fn export(&self, size: UVec2, directory: &Path) -> Result<(PathBuf, Vec<String>), BenchError> {
         let camera = self.camera(size);
         let view = View { scene: &self.scene, camera: &camera };
-        let job = ExportJob { view, lighting: &self.lighting, max_depth: MAX_DEPTH };
+        let job = ExportJob { view, lighting: &self.lighting, max_depth: Integrator::default().max_depth };
         let exported = Mitsuba.write(&job, directory)?;
         Ok((Mitsuba.entry_point(directory), exported.warnings))
     }

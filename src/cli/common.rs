@@ -356,6 +356,15 @@ impl ConfinementArgs {
 /// Those of [`import::load_with`], or when there are no lights.
 pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
     let loaded = load_any_scene(path, options, say)?;
+    needs_lights(&loaded, path)?;
+    Ok(loaded)
+}
+
+/// An error where a scene that was loaded from `path` has no lights.
+///
+/// # Errors
+/// When it has none.
+pub fn needs_lights(loaded: &Loaded, path: &Path) -> anyhow::Result<()> {
     if loaded.scene.lights.is_empty() {
         let sidecar = import::find(path)?.with_extension("toml");
         bail!(
@@ -363,59 +372,53 @@ pub fn load_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> any
             sidecar.display()
         );
     }
-    Ok(loaded)
+    Ok(())
 }
 
-/// As [`load_scene`], also a scene without lights.
+/// Loads a scene, which may have no lights, and prints what its loader noticed.
 ///
 /// # Errors
-/// Those of [`import::load_with`].
+/// When the scene cannot be loaded, see [`import::load_with`].
 pub fn load_any_scene(path: &Path, options: &LoadOptions, say: impl Fn(&str)) -> anyhow::Result<Loaded> {
     let loaded = import::load_with(path, options)?;
     loaded.warnings.iter().for_each(|warning| say(warning));
     Ok(loaded)
 }
 
-/// As [`load_scene`], with the lamps that a `lights.toml` places; returns the scene with the lighting that the
-/// file, or else the scene's author, gives it.
+/// Loads a scene, which may have no lights, with the lamps that a `lights.toml` places; returns it with the lighting
+/// that the file, or else the scene's author, gives it, at an exposure where one is given, and the file's view.
 ///
 /// # Errors
-/// Those of [`load_scene`], [`LightsFile::load`] and [`LightsFile::apply`].
+/// When the scene or the `lights.toml` cannot be loaded, or the latter does not fit the former.
 pub fn load_lit_scene(
     path: &Path,
     options: LoadOptions,
     (lights, exposure): (Option<&Path>, Option<f64>),
     say: impl Fn(&str),
 ) -> anyhow::Result<(Loaded, Lighting, Option<ViewTransform>)> {
-    let options = match lights {
-        Some(file) => LightsFile::load(file)?.load_options(options),
-        None => options,
+    let Some(lights) = lights else {
+        let loaded = load_any_scene(path, &options, say)?;
+        let lighting = authored(&loaded.scene, exposure);
+        return Ok((loaded, lighting, None));
     };
-    let loaded = load_scene(path, &options, say)?;
-    let (lighting, view) = lighting(&loaded.scene, lights, exposure)?;
-    Ok((loaded, lighting, view))
+    let file = LightsFile::load(lights)?;
+    let loaded = load_any_scene(path, &file.load_options(options), say)?;
+    let mut lighting = authored(&loaded.scene, None);
+    file.apply(&loaded.scene, &mut lighting, lights)?;
+    lighting.exposure = exposed(exposure).unwrap_or(lighting.exposure);
+    Ok((loaded, lighting, file.view))
 }
 
-/// The lighting that a scene's author gave it, with that of a `lights.toml` and an exposure in its
-/// place where they are given; and the view of the former.
-///
-/// # Errors
-/// Those of [`LightsFile::load`] and [`LightsFile::apply`].
-pub fn lighting(
-    scene: &Scene,
-    lights: Option<&Path>,
-    exposure: Option<f64>,
-) -> anyhow::Result<(Lighting, Option<ViewTransform>)> {
-    let (mut lighting, mut view) = (Lighting::authored(scene), None);
-    if let Some(path) = lights {
-        let file = LightsFile::load(path)?;
-        file.apply(scene, &mut lighting, path)?;
-        view = file.view;
-    }
-    if let Some(e) = exposure {
-        lighting.exposure = f64::from(e as f32);
-    }
-    Ok((lighting, view))
+/// The lighting that a scene's author gave it, at an exposure where one is given.
+#[must_use]
+pub fn authored(scene: &Scene, exposure: Option<f64>) -> Lighting {
+    let lighting = Lighting::authored(scene);
+    Lighting { exposure: exposed(exposure).unwrap_or(lighting.exposure), ..lighting }
+}
+
+/// An exposure with the digits that a scene has.
+fn exposed(exposure: Option<f64>) -> Option<f64> {
+    exposure.map(|e| f64::from(e as f32))
 }
 
 /// Parses a kind of variable.

@@ -9,7 +9,7 @@ use clap::{
 use glam::UVec2;
 
 use super::{
-    common::{CameraArgs, ConfinementArgs, load_lit_scene, parse_size},
+    common::{CameraArgs, ConfinementArgs, load_lit_scene, needs_lights, parse_size},
     progress::Console,
 };
 use crate::{
@@ -69,6 +69,7 @@ pub fn export(args: &ExportArgs) -> anyhow::Result<()> {
     let options = args.camera.options(args.confinement);
     let given = (args.lights.as_deref(), None);
     let (loaded, lighting, _) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
+    needs_lights(&loaded, &args.scene)?;
     let scene = loaded.scene;
     let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));
     let view = View { scene: &scene, camera: &camera };

@@ -8,18 +8,16 @@ use glam::{UVec2, Vec3};
 use image::{Rgb, RgbImage};
 
 use super::{
-    common::{
-        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, lighting, load_any_scene, parse_size, say_look,
-    },
+    common::{CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, parse_size, say_look},
     output::print,
     progress::Console,
 };
 use crate::{
-    audit::{lights::LightsFile, write_whole},
+    audit::write_whole,
     design::{
         Reporter,
         render::Renderer,
-        rig::{self, Map, Spot, Survey},
+        rig::{self, Map, Place, Spot, Survey},
     },
     figures::canvas::{Anchor, Canvas, INK, text},
     files::{atomic::probe, csv_file},
@@ -85,9 +83,11 @@ const MEMORY: u64 = 2 << 30;
 const GRID: (usize, usize) = (180, 90);
 /// Angle from a place within which a direction is shown as it, degrees: that between neighbouring places.
 const NEAR: f32 = 11.0;
-/// Width and height of the drawing, of the map from above, and of the unrolled one, pixels.
+/// Width and height of the drawing, pixels: both maps with their margins and titles.
 const DRAWING: (u32, u32) = (920, 380);
+/// Side of the map from above, pixels.
 const ABOVE: u32 = 300;
+/// Width and height of the unrolled map, pixels: 1.6 to a degree.
 const UNROLLED: (u32, u32) = (560, 280);
 
 /// Runs the subcommand.
@@ -104,12 +104,8 @@ pub fn map(args: &MapArgs) -> anyhow::Result<()> {
     probe(&args.output)?;
     let console = Console::new();
     let map = args.transport.in_pool(|| {
-        let mut load = args.camera.options(args.confinement);
-        if let Some(file) = &args.lights {
-            load = LightsFile::load(file)?.load_options(load);
-        }
-        let loaded = load_any_scene(&args.scene, &load, |w| console.note(w))?;
-        let (lighting, view) = lighting(&loaded.scene, args.lights.as_deref(), None)?;
+        let (options, given) = (args.camera.options(args.confinement), (args.lights.as_deref(), None));
+        let (loaded, lighting, view) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
         let luminance = LuminanceMode::Srgb;
         let measure = Measure { view: args.view.of_scene(view, &loaded, |w| console.note(w)), luminance };
         let target = look.into_target(luminance, args.work_size.max_element() as usize)?;
@@ -171,9 +167,7 @@ fn numbers(map: &Map) -> ExrImage {
 
 /// Unit vector at two angles, degrees: +z toward the camera, +x to the right in the picture, +y up.
 fn direction(azimuth: f32, elevation: f32) -> Vec3 {
-    let (sin, cos) = azimuth.to_radians().sin_cos();
-    let (up, across) = elevation.to_radians().sin_cos();
-    Vec3::new(sin * across, up, cos * across)
+    rig::direction([azimuth, elevation], Vec3::X, Vec3::Z)
 }
 
 /// The lamp near a direction with which f_q is least.
@@ -192,38 +186,52 @@ fn drawing(map: &Map, target: &str) -> anyhow::Result<Vec<u8>> {
         let words = "unrolled: behind, left, camera, right, behind; zenith above";
         text(area, words, (340, 44), 12, INK, Anchor::Left)
     })?;
+    let colours = Colours::of(map);
     let above = RgbImage::from_fn(ABOVE, ABOVE, |x, y| {
         let [right, down] = [x, y].map(|v| 2.0 * (v as f32 + 0.5) / ABOVE as f32 - 1.0);
         let r = (right * right + down * down).sqrt();
         if r > 1.0 {
             Rgb([255; 3])
         } else {
-            colour(map, direction(right.atan2(down).to_degrees(), 90.0 - 100.0 * r))
+            colours.at(direction(right.atan2(down).to_degrees(), 90.0 - 100.0 * r))
         }
     });
     let unrolled = RgbImage::from_fn(UNROLLED.0, UNROLLED.1, |x, y| {
         let azimuth = (x as f32 + 0.5) / UNROLLED.0 as f32 * 360.0 - 180.0;
-        colour(map, direction(azimuth, 90.0 - (y as f32 + 0.5) / UNROLLED.1 as f32 * 180.0))
+        colours.at(direction(azimuth, 90.0 - (y as f32 + 0.5) / UNROLLED.1 as f32 * 180.0))
     });
     canvas.paste(&above, 16, 60);
     canvas.paste(&unrolled, 340, 60);
     Ok(canvas.png()?)
 }
 
-/// Colour of a direction: black where a light stands.
-fn colour(map: &Map, dir: Vec3) -> Rgb<u8> {
-    let stands =
-        |(_, place): &(String, rig::Place)| direction(place.azimuth, place.elevation).dot(dir) > 0.9985;
-    if map.lights.iter().any(stands) {
-        return Rgb([0; 3]);
+/// Colours of a map: how much f_q may fall or rise at most by a lamp.
+struct Colours<'a> {
+    map: &'a Map,
+    gain: f64,
+    harm: f64,
+}
+
+impl<'a> Colours<'a> {
+    fn of(map: &'a Map) -> Self {
+        let most = |f: &dyn Fn(&Spot) -> f64| map.spots.iter().map(f).fold(1e-9, f64::max);
+        Self { map, gain: most(&|s| map.f_q - s.f_q), harm: most(&|s| s.change) }
     }
-    let Some(spot) = best_near(map, dir) else { return Rgb([225; 3]) };
-    let most = |f: &dyn Fn(&Spot) -> f64| map.spots.iter().map(f).fold(1e-9, f64::max);
-    let gain = (map.f_q - spot.f_q) / most(&|s| map.f_q - s.f_q);
-    let fade = |amount: f64| (255.0 * (1.0 - amount.clamp(0.0, 1.0))) as u8;
-    if gain > 0.01 {
-        return Rgb([fade(gain), fade(0.7 * gain), 255]);
+
+    /// Colour of a direction: black where a light stands.
+    fn at(&self, dir: Vec3) -> Rgb<u8> {
+        let stands =
+            |(_, place): &(String, Place)| direction(place.azimuth, place.elevation).dot(dir) > 0.9985;
+        if self.map.lights.iter().any(stands) {
+            return Rgb([0; 3]);
+        }
+        let Some(spot) = best_near(self.map, dir) else { return Rgb([225; 3]) };
+        let fade = |amount: f64| (255.0 * (1.0 - amount.clamp(0.0, 1.0))) as u8;
+        let gain = (self.map.f_q - spot.f_q) / self.gain;
+        if gain > 0.01 {
+            return Rgb([fade(gain), fade(0.7 * gain), 255]);
+        }
+        let harm = spot.change / self.harm;
+        Rgb([255, fade(harm), fade(harm)])
     }
-    let harm = spot.change / most(&|s| s.change);
-    Rgb([255, fade(harm), fade(harm)])
 }

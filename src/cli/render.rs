@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::{
     common::{
-        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, parse_exposure, parse_size,
-        parse_spp,
+        CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, needs_lights, parse_exposure,
+        parse_size, parse_spp,
     },
     progress::Console,
     signals,
@@ -125,6 +125,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         let options = args.camera.options(args.confinement);
         let given = (args.lights.as_deref(), args.exposure);
         let (loaded, lighting, view) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
+        needs_lights(&loaded, &args.scene)?;
         let seen_through = args.view.of_scene(view, &loaded, |w| console.note(w));
         let scene = loaded.scene;
         let camera = args.size.map_or_else(|| scene.camera.clone(), |size| scene.camera.resized(size));

@@ -15,8 +15,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, free_kinds,
-        lighting, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, authored,
+        free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -293,7 +293,7 @@ fn work(
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
         let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
-        let (mut authored, _) = lighting(&scene, None, args.exposure)?;
+        let mut authored = authored(&scene, args.exposure);
         let wishes = args.ties.wishes(&wishes);
         wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
@@ -500,13 +500,11 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     for (v, x) in r.variables.variables.iter().zip(&r.x) {
         let _ = writeln!(text, "{:<24} {x:>12.5}   within [{:.5}, {:.5}]", v.name, v.lower, v.upper);
     }
+    if !r.lamps.is_empty() {
+        let _ = writeln!(text);
+    }
     for (name, lamp) in &r.lamps {
-        let _ = writeln!(
-            text,
-            "{}{name}: {}",
-            if r.lamps[0].0 == *name { "\n" } else { "" },
-            rig::in_words(lamp)
-        );
+        let _ = writeln!(text, "{name}: {}", rig::in_words(lamp));
     }
     let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
     let _ = writeln!(text, "\n{}", out.join(file).display());

@@ -1,9 +1,6 @@
 //! Queries that were made, to be made again.
 
-use std::{
-    num::NonZeroUsize,
-    sync::{Mutex, PoisonError},
-};
+use std::sync::{Mutex, PoisonError};
 
 use embree4_sys as sys;
 use rayon::prelude::*;
@@ -29,7 +26,7 @@ pub struct Tape(Vec<sys::lo_query>);
 
 /// Queries that a thread makes again before it takes others: enough that what it takes to hand them out does
 /// not show, few enough that no thread waits for another.
-const CHUNK: NonZeroUsize = NonZeroUsize::new(16_384).unwrap();
+const CHUNK: usize = 16_384;
 
 impl Tape {
     /// Number of queries.
@@ -72,6 +69,6 @@ impl Accel {
             // SAFETY: `raw` is a committed scene; the slice outlives the call, which checks each ray.
             unsafe { sys::lo_accel_replay(self.raw.as_ptr(), queries.as_ptr(), queries.len()) }
         };
-        tape.0.par_chunks(CHUNK.get()).map(chunk).sum()
+        tape.0.par_chunks(CHUNK).map(chunk).sum()
     }
 }

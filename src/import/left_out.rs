@@ -45,18 +45,14 @@ impl LeftOut {
 
     /// Says what is left out of a file.
     pub fn report(&self, path: &Path, warnings: &mut Warnings) {
-        let file = path.display();
-        match self.n_degenerate {
-            0 => {}
-            1 => warnings.add(format!("{file}: left out 1 degenerate triangle")),
-            n => warnings.add(format!("{file}: left out {n} degenerate triangles")),
-        }
-        let vertex = self.vertex();
-        match self.n_out_of_range {
-            0 => {}
-            1 => warnings.add(format!("{file}: left out 1 triangle with {vertex}")),
-            n => warnings.add(format!("{file}: left out {n} triangles with {vertex}")),
-        }
+        let mut say = |n: usize, kind: &str, what: &str| {
+            let triangles = if n == 1 { "triangle" } else { "triangles" };
+            if n > 0 {
+                warnings.add(format!("{}: left out {n} {kind}{triangles}{what}", path.display()));
+            }
+        };
+        say(self.n_degenerate, "degenerate ", "");
+        say(self.n_out_of_range, "", &format!(" with {}", self.vertex()));
     }
 
     /// The vertices that are out of range, and what is allowed.

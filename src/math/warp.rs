@@ -75,6 +75,7 @@ mod tests {
 
     #[test]
     fn parts_of_the_octahedral_square_have_equal_solid_angles() {
+        // So many cells that those on the edge of a cap, counted whole or not at all, stay below what is allowed.
         const N: usize = 512;
         let at = |i: usize| Vec2::new((i % N) as f32 + 0.5, (i / N) as f32 + 0.5) / N as f32;
         let all: Vec<Vec3> = (0..N * N).map(|i| square_to_sphere_octahedral(at(i))).collect();

@@ -69,12 +69,6 @@ pub struct Tie {
 }
 
 impl Wishes {
-    /// Whether there are none.
-    #[must_use]
-    pub fn are_none(&self) -> bool {
-        *self == Self::default()
-    }
-
     /// These wishes and others.
     #[must_use]
     pub fn and(mut self, others: &Self) -> Self {

@@ -25,7 +25,7 @@ use crate::{
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
     transport::{Layout, Recombination, SizeBins, Source, Tables, TransportBasis, ValueNodes, splat_memory},
-    variables::{Constraints, Fitted, FreeKinds, LightConstraints, Owner, ParamVector, Survey, Variable},
+    variables::{Constraints, Fitted, FreeKinds, LightConstraints, ParamVector, Survey, Variable},
 };
 
 /// Replicates of a carrier: the least from which noise bias can be corrected.
@@ -218,7 +218,7 @@ impl Carrier {
     }
 
     fn of_light(&self, light: usize) -> impl Iterator<Item = &Variable> {
-        self.variables.iter().filter(move |v| v.kind.owner() == Owner::Light && v.light == light)
+        self.variables.iter().filter(move |v| v.kind.is_of_light() && v.light == light)
     }
 
     /// Some of the lights, by their indices.
@@ -238,7 +238,7 @@ impl Carrier {
             .iter()
             .enumerate()
             .flat_map(|(k, &light)| self.of_light(light).map(move |v| Variable { light: k, ..v.clone() }));
-        let of_scene = self.variables.iter().filter(|v| v.kind.owner() != Owner::Light).cloned();
+        let of_scene = self.variables.iter().filter(|v| !v.kind.is_of_light()).cloned();
         let fixed = Lighting {
             radiance: lights.iter().map(|&l| self.fixed.radiance[l]).collect(),
             size: lights.iter().map(|&l| self.fixed.size[l]).collect(),

@@ -17,6 +17,7 @@ use crate::{
     lighting::Lighting,
     objective::{Objective, Smoothing},
     optim::OptimError,
+    variables::Variable,
 };
 
 /// Radiances at which a lamp is priced, in the optimiser's units: the middle ones show what it lights at half
@@ -158,31 +159,36 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
         best
     }
 
-    /// f_q of a rig as it is, and what every lamp would do that is added to it.
+    /// f_q of a rig as it is, and what every lamp would do that is added to it; not a number without lamps.
     #[must_use]
     pub fn offers(&self, rig: &Choice) -> (f64, Vec<Offer>) {
-        let offers = self.carrier.candidates().into_par_iter().map(|light| {
-            let mut lights = rig.lights.clone();
-            lights.push(light);
-            let added = lights.len() - 1;
-            let part = self.carrier.reduced_part(&lights);
-            let evaluator = part.evaluator(&self.objectives[1]);
-            let at = |level: f64| {
-                let mut rest = rig.u.iter().copied();
-                let variables = part.variables.variables.iter();
-                let u: Vec<f64> = variables
-                    .map(|v| if is_of(v, added) { level } else { rest.next().unwrap_or(0.0) })
-                    .collect();
-                let f = value(&evaluator, &u, Smoothing::DELTA_LAST, &mut Scratch::default());
-                (f, part.lighting(&u).radiance[added])
-            };
-            let present = at(0.0).0;
-            let levels = LEVELS.map(at);
+        let candidates = self.carrier.candidates();
+        let present = candidates.first().map_or(f64::NAN, |&light| self.with(rig, light, &[0.0])[0].0);
+        let offer = |light: usize| {
+            let levels = self.with(rig, light, &LEVELS);
+            let change = levels[0].0 - present;
             let best = levels.into_iter().fold((present, 0.0), |best, l| if l.0 < best.0 { l } else { best });
-            (present, Offer { light, f_q: best.0, radiance: best.1, change: levels[0].0 - present })
-        });
-        let (present, offers): (Vec<f64>, Vec<Offer>) = offers.unzip();
-        (present.first().copied().unwrap_or(f64::NAN), offers)
+            Offer { light, f_q: best.0, radiance: best.1, change }
+        };
+        (present, candidates.into_par_iter().map(offer).collect())
+    }
+
+    /// f_q of the reduced pictures of a rig with one lamp more at some levels, with the lamp's radiance at each.
+    fn with(&self, rig: &Choice, light: usize, levels: &[f64]) -> Vec<(f64, f64)> {
+        let mut lights = rig.lights.clone();
+        lights.push(light);
+        let added = lights.len() - 1;
+        let part = self.carrier.reduced_part(&lights);
+        let evaluator = part.evaluator(&self.objectives[1]);
+        let at = |&level: &f64| {
+            let mut rest = rig.u.iter().copied();
+            let variables = part.variables.variables.iter();
+            let u: Vec<f64> =
+                variables.map(|v| if is_of(v, added) { level } else { rest.next().unwrap_or(0.0) }).collect();
+            let f = value(&evaluator, &u, Smoothing::DELTA_LAST, &mut Scratch::default());
+            (f, part.lighting(&u).radiance[added])
+        };
+        levels.iter().map(at).collect()
     }
 
     /// Descends in all variables of some lights from `u`.
@@ -245,7 +251,8 @@ fn starts(part: &Part, added: usize, rig: &Choice) -> Vec<Vec<f64>> {
     let variables = &part.variables.variables;
     let is_first = rig.lights.is_empty();
     let values: &[Option<f64>] = &if is_first { VALUES.map(Some).to_vec() } else { vec![None] };
-    let has_value = variables.iter().any(|v| !v.kind.is_of_light());
+    let is_value = |v: &Variable| v.kind.keyword() == "background";
+    let has_value = variables.iter().any(is_value);
     let values = if has_value { values } else { &values[..1] };
     let others = if is_first { &OTHERS[..1] } else { &OTHERS[..] };
     let mut points = Vec::new();
@@ -258,7 +265,11 @@ fn starts(part: &Part, added: usize, rig: &Choice) -> Vec<Vec<f64>> {
                         return level;
                     }
                     let u = rest.next().copied().unwrap_or(0.0);
-                    if v.kind.is_of_light() { factor * u } else { value.unwrap_or(u) }
+                    match value {
+                        _ if v.kind.is_of_light() => factor * u,
+                        Some(value) if is_value(v) => *value,
+                        _ => u,
+                    }
                 });
                 points.push(u.collect());
             }
@@ -268,7 +279,7 @@ fn starts(part: &Part, added: usize, rig: &Choice) -> Vec<Vec<f64>> {
 }
 
 /// Whether a variable is that of the light of an index.
-fn is_of(v: &crate::variables::Variable, light: usize) -> bool {
+fn is_of(v: &Variable, light: usize) -> bool {
     v.kind.is_of_light() && v.light == light
 }
 

@@ -102,6 +102,7 @@ impl Lamp {
 
     /// Points of a regular grid over the lamp, its edges and corners included, metres.
     pub fn grid(&self) -> impl Iterator<Item = Vec3> {
+        // Gaps of a quarter of the lamp: what is thinner may be missed, and each point costs rays.
         const SIDE: u32 = 5;
         let Planar { center, frame, outline, .. } = self.planar();
         let at = |i: u32| 2.0 * i as f32 / (SIDE - 1) as f32 - 1.0;

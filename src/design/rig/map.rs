@@ -4,7 +4,7 @@ use glam::UVec2;
 
 use super::{
     carrier::{Carrier, Commission},
-    choose::Chooser,
+    choose::{Chooser, Offer},
     lamp::Lamp,
     places,
     set::{Place, Set},
@@ -107,7 +107,7 @@ pub fn map(scene: Scene, survey: Survey, reporter: &impl Reporter) -> Result<Map
     let chooser = Chooser { carrier: &carrier, objectives, cancelled: &|| false };
     let present = chooser.choice((0..carrier.n_own).collect(), &own.lighting);
     let (f_q, offers) = chooser.offers(&present);
-    let spot = |offer: &super::choose::Offer| Spot {
+    let spot = |offer: &Offer| Spot {
         lamp: *carrier.lamp(offer.light),
         place: stands[offer.light - carrier.n_own],
         f_q: offer.f_q,

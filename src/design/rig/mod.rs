@@ -46,7 +46,7 @@ pub use describe::in_words;
 pub use lamp::{Beam, Lamp};
 pub use map::{Map, Spot, Survey, map};
 pub use run::{Order, run};
-pub use set::{Ground, Place, Set};
+pub use set::{Ground, Place, Set, direction};
 
 /// Steps of the rounds in which the lamps that were chosen are moved by a little, degrees. The first is that of
 /// the cells; set by reasoning.
@@ -80,7 +80,7 @@ pub struct PlacedLamp {
     pub role: Role,
     /// The lamp, at size 1.
     pub lamp: Lamp,
-    /// Its place, seen from the subject.
+    /// Place of the lamp, seen from the subject.
     pub place: Place,
     /// Height of its middle above the floor, metres.
     pub height: f32,
@@ -148,11 +148,11 @@ pub fn find(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<(Ve
 
 /// The scene's own lights.
 struct Company {
-    /// Those that stay where they are.
+    /// Lights that stay where they are.
     fixed: Vec<Light>,
     /// Constraints of these, and of the scene.
     constraints: Constraints,
-    /// Those that may be moved.
+    /// Lights that may be moved.
     movable: Vec<Movable>,
 }
 
@@ -373,9 +373,7 @@ impl Rig {
         let of_lamps = self.lamps.iter().map(|placed| placed.constraints.clone());
         Constraints { lights: lights.chain(of_lamps).collect(), ..own.clone() }
     }
-}
 
-impl Rig {
     /// The lamps with what a photographer sets up for each in a lighting of the scene.
     #[must_use]
     pub fn described(&self, scene: &Scene, lighting: &Lighting) -> Vec<(&PlacedLamp, Description)> {

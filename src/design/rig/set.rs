@@ -30,6 +30,15 @@ pub struct Place {
     pub distance: f32,
 }
 
+/// Unit vector at the azimuth and the elevation of a [`Place`], degrees, where `right` and `front` are the horizontal
+/// unit vectors to the right in the picture and toward the camera.
+#[must_use]
+pub fn direction([azimuth, elevation]: [f32; 2], right: Vec3, front: Vec3) -> Vec3 {
+    let (sin, cos) = azimuth.to_radians().sin_cos();
+    let (up, across) = elevation.to_radians().sin_cos();
+    (front * cos + right * sin) * across + Vec3::Y * up
+}
+
 /// A scene as a set on which lamps are placed.
 #[derive(Clone, Debug)]
 pub struct Set<'a> {
@@ -126,9 +135,7 @@ impl<'a> Set<'a> {
     /// Unit vector from the subject's middle at two angles, degrees.
     #[must_use]
     pub fn direction(&self, azimuth: f32, elevation: f32) -> Vec3 {
-        let (sin, cos) = azimuth.to_radians().sin_cos();
-        let (up, across) = elevation.to_radians().sin_cos();
-        (self.front * cos + self.right * sin) * across + Vec3::Y * up
+        direction([azimuth, elevation], self.right, self.front)
     }
 
     /// The place of a point.

@@ -20,11 +20,13 @@ use crate::math::primaries::{Chromaticities, D65, REC709, REC2020};
 const SIDE: usize = 57;
 /// Exponent of the display's curve in which the lattice is stored.
 const GAMMA: f64 = 2.4;
-/// Stops from black to white of the sigmoid, and those of them below middle grey.
+/// Stops from black to white of the sigmoid.
 const STOPS: f64 = 16.5;
+/// Stops from black to middle grey of the sigmoid.
 const STOPS_BELOW: f64 = 10.0;
-/// Slope of the sigmoid at middle grey, and the exponent of its toe and shoulder.
+/// Slope of the sigmoid at middle grey.
 const SLOPE: f64 = 2.4;
+/// Exponent of the toe and of the shoulder of the sigmoid.
 const POWER: f64 = 1.5;
 /// Share of the change of hue by the sigmoid that stays.
 const HUE_SHARE: f64 = 0.4;

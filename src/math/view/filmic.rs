@@ -22,15 +22,17 @@ use crate::math::display::{eotf_srgb, eotf_srgb_derivative};
 
 /// Points of the lattice along each edge.
 const SIDE: usize = 33;
-/// Stops from black to white of the curve, and those of them below middle grey.
+/// Stops from black to white of the curve.
 const STOPS: f64 = 16.5;
+/// Stops from black to middle grey of the curve.
 const STOPS_BELOW: f64 = 10.0;
 /// Stops above middle grey from which colours go over to white, and at which they are.
 const DESATURATION: [i32; 2] = [6, 15];
 /// Power of that.
 const DESATURATION_POWER: f64 = 1.1;
-/// Contrast and shoulder of the curve.
+/// Contrast of the curve, the `a` of its formula.
 const CONTRAST: f64 = 0.7;
+/// Shoulder of the curve, the `d` of its formula.
 const SHOULDER: f64 = 1.03;
 /// What middle grey becomes.
 const SHOWN_GREY: f64 = 0.5;
