@@ -86,8 +86,8 @@ fn signals_end_a_run_in_order_and_keep_what_is_found() {
 const STAGES: [(&[&str], &str); 7] = [
     (&["--work-size", "160x120", "--spp", "65536"], "survey"),
     (&["--work-size", "160x120", "--spp", "65536"], "rendering the transport basis"),
-    (&["--work-size", "320x240", "--spp", "4", "--tolerance", "0.0001"], "searching the basis"),
-    (&["--work-size", "64x48", "--spp", "1024", "--tolerance", "0.5"], "checking the result"),
+    (&["--work-size", "160x120", "--spp", "4", "--tolerance", "0.0001"], "searching the basis"),
+    (&["--work-size", "48x36", "--spp", "256", "--tolerance", "0.5"], "checking the result"),
     (&["--work-size", "32x24", "--tolerance", "0.5", "--size", "2048x1536"], "pictures"),
     (&["--gradient", "fd", "--spp", "4096", "--work-size", "64x48"], "measuring the start"),
     (&["--gradient", "fd", "--spp", "128", "--work-size", "64x48"], "optimising"),

@@ -58,7 +58,7 @@ const RUNS: [&[&str]; 3] = [
         "--work-size",
         "32x24",
         "--size",
-        "96x72",
+        "48x36",
         "--final-spp",
         "150",
         "--final-noise",
@@ -67,7 +67,18 @@ const RUNS: [&[&str]; 3] = [
         "0.01",
         "--keep-basis",
     ],
-    &["--work-size", "24x18", "--size", "48x36", "--final-noise", "0.03", "--targets", "high-key,low-key"],
+    &[
+        "--work-size",
+        "24x18",
+        "--size",
+        "48x36",
+        "--final-noise",
+        "0.03",
+        "--targets",
+        "high-key,low-key",
+        "--tolerance",
+        "0.0075",
+    ],
     &[
         "--gradient",
         "fd",
@@ -208,7 +219,7 @@ fn what_the_cache_held_at_first_holds_for_the_whole_run() {
     let room = Room::new();
     let run = |out: &'static str, cache: &'static str, spp: &'static str| {
         let options = ["run", "room.obj", "--out", out, "--cache", cache, "--work-size", "24x18"];
-        [&options[..], &["--size", "96x72", "--final-spp", spp, "--final-noise", "0", "--tolerance", "0.02"]]
+        [&options[..], &["--size", "48x36", "--final-spp", spp, "--final-noise", "0", "--tolerance", "0.02"]]
             .concat()
     };
     // Stopped in its pictures, when the basis it found is in the cache already.

@@ -80,9 +80,15 @@ fn measured(scene: &Scene, pictures: &[Picture]) -> Measured {
 }
 
 /// Renders of a lighting alone, with which the pictures of either integrator are compared: bidirectional ones,
-/// which have the least noise.
-fn alone(scene: &Scene, lighting: Lighting, seed: u64) -> Measured {
-    Subject::lit(scene, lighting).measure(&integrator(IntegratorKind::Bdpt), SamplerKind::Sobol, seed, 40, 64)
+/// which have the least noise, with about as many samples as the pictures that are judged.
+fn alone(scene: &Scene, lighting: Lighting, seed: u64, spp: u32) -> Measured {
+    Subject::lit(scene, lighting).measure(
+        &integrator(IntegratorKind::Bdpt),
+        SamplerKind::Sobol,
+        seed,
+        40,
+        spp,
+    )
 }
 
 #[test]
@@ -91,7 +97,7 @@ fn pictures_that_grow_together_are_those_of_renders_of_their_own() {
     let references = lightings().map(|x| {
         let mut of_light = x.clone();
         of_light.radiance[..2].fill(0.0);
-        [alone(&scene, x, 7), alone(&scene, of_light, 8)]
+        [alone(&scene, x, 7, 24), alone(&scene, of_light, 8, 24)]
     });
     for kind in IntegratorKind::ALL {
         let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 32, &|| false)).collect();
@@ -129,7 +135,7 @@ impl Between for Uneven {
 fn tiles_with_many_and_with_few_samples_have_the_same_light() {
     let mut scene = scene();
     scene.camera = scene.camera.resized(UVec2::new(32, 16));
-    let references = lightings().map(|x| alone(&scene, x, 9));
+    let references = lightings().map(|x| alone(&scene, x, 9, 12));
     for kind in IntegratorKind::ALL {
         let grown: Vec<Grown> = (0..40).map(|seed| grow(&scene, kind, seed, 1000, &Uneven)).collect();
         assert!(grown.iter().all(|grown| grown.counts() == [4, 20] && grown.spp() == 48));
@@ -167,8 +173,8 @@ fn the_noise_that_is_told_is_that_of_the_pictures() {
     let width = scene.camera.size().x as usize;
     let truth = truths(&scene, kind, 1 << 11);
     let [mut told, mut known] = [[Moments::default(); 2]; 2];
-    for seed in 0..60 {
-        let grown = grow(&scene, kind, seed, 128, &|| false);
+    for seed in 0..40 {
+        let grown = grow(&scene, kind, seed, 96, &|| false);
         for k in 0..2 {
             let linear: Vec<Vec<f64>> = grown
                 .planes(k, Measure::default())
@@ -201,7 +207,7 @@ fn the_noise_that_is_told_of_denoised_pictures_has_their_bias() {
     let y = |rgb: &[f32; 3]| math::display::luminance(*rgb);
     let show = |y: f64| LuminanceMode::Srgb.encode(y, 1.0);
     let features = Features::trace(View { scene: &scene, camera: &scene.camera });
-    let truth = truths(&scene, kind, 1 << 10);
+    let truth = truths(&scene, kind, 1 << 9);
     let grown: Vec<Grown> = (0..24).map(|seed| grow(&scene, kind, seed, 16, &|| false)).collect();
     for (k, truth) in truth.iter().enumerate() {
         let error = |picture: &[f64]| {

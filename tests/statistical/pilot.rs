@@ -27,15 +27,16 @@ fn choose(scene: &Scene, integrator: Integrator, spp: u32) -> SampleCounts {
     Pilot { integrator, view, lightings, sampler, seed: 0, spp }.choose(&SamplingPlan::for_picture(&lighting))
 }
 
-/// Relative variance of a picture with some numbers of samples times its counted work, and the latter.
-fn inefficiency(scene: &Scene, integrator: Integrator, counts: SampleCounts) -> [f64; 2] {
+/// Relative variance of a picture with some numbers of samples times its counted work, and the latter, of `n`
+/// renders.
+fn inefficiency(scene: &Scene, integrator: Integrator, counts: SampleCounts, n: u64) -> [f64; 2] {
     let lighting = Lighting::authored(scene);
     let plan = SamplingPlan { counts, ..SamplingPlan::for_picture(&lighting) };
     let camera = scene.camera.resized(SIZE);
     let view = View { scene, camera: &camera };
     let mut pixels = vec![Moments::default(); SIZE.element_product() as usize];
     let mut cost = 0.0;
-    for seed in 100..100 + RENDERS {
+    for seed in 100..100 + n {
         let mut film = RgbFilm::by_lighting(SIZE, &[&lighting]);
         let samples = Samples { sampler: SamplerKind::Sobol, seed, first: 0, count: SPP };
         let work = integrator.render(view, &lighting, &plan, &mut film, samples, &()).unwrap();
@@ -61,8 +62,8 @@ fn chosen_numbers_are_more_efficient_where_the_usual_ones_do_not_fit_and_no_wors
         let scene = scene(name);
         let integrator = Integrator { kind, ..Integrator::default() };
         let chosen = choose(&scene, integrator, 64);
-        let [usual, _] = inefficiency(&scene, integrator, SampleCounts::default());
-        let [pilot, _] = inefficiency(&scene, integrator, chosen);
+        let [usual, _] = inefficiency(&scene, integrator, SampleCounts::default(), RENDERS);
+        let [pilot, _] = inefficiency(&scene, integrator, chosen, RENDERS);
         println!("{name} {}: {:.2} of the usual, {chosen:?}", kind.name(), pilot / usual);
         assert!(pilot < most * usual, "{name} {}: {pilot} {usual} {chosen:?}", kind.name());
     }
@@ -86,7 +87,7 @@ fn counted_work_grows_with_the_numbers_of_samples() {
     let scene = scene("cornell");
     let path = Integrator { kind: IntegratorKind::Path, ..Integrator::default() };
     let usual = SampleCounts::default();
-    let cost = |integrator, counts| inefficiency(&scene, integrator, counts)[1];
+    let cost = |integrator, counts| inefficiency(&scene, integrator, counts, 1)[1];
     let more = SampleCounts { first_light_samples: 12, ..usual };
     assert!(cost(path, more) > cost(path, usual));
     assert!(cost(path, SampleCounts { first_roulette: 8, ..usual }) > cost(path, usual));

@@ -22,7 +22,7 @@ fn a_closed_furnace_gives_the_geometric_series() {
         for (albedo, max_depth) in [(0.5, 8), (0.9, 24), (1.0, 5)] {
             let scene = scenes::furnace(albedo);
             let integrator = Integrator { kind, max_depth, ..PATH };
-            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 32, 64);
+            let m = measure(&scene, &integrator, SamplerKind::Sobol, 1, 32, 24);
             let expected: f64 = (0..max_depth).map(|k| f64::from(albedo).powi(k as i32)).sum();
             let z = (m.total.mean() - expected) / m.total.variance_of_mean().sqrt().max(1e-9);
             println!("{kind:?} albedo {albedo}: {} expected {expected}, z {z:.2}", m.total.mean());
@@ -41,10 +41,11 @@ fn path_equals_bdpt(scene: &Scene, camera_subpaths: u32, n: u32, spp: u32) {
     assert_same(&scene.name, &path, &bdpt);
 }
 
+/// The long test below sees half as large a difference.
 #[test]
 fn path_equals_bdpt_in_every_scene() {
     for (i, make) in scenes::ALL.into_iter().enumerate() {
-        path_equals_bdpt(&make((24, 24)), if i % 2 == 0 { 1 } else { 4 }, 24, 32);
+        path_equals_bdpt(&make((24, 24)), if i % 2 == 0 { 1 } else { 4 }, 24, 12);
     }
 }
 
@@ -110,19 +111,19 @@ fn no_light_leaks_through_tilted_normals() {
     }
 }
 
-/// All against one reference of more samples, 24 renders of 64: with 22 samples the others leave the noise of a
-/// difference of two pictures of 32.
+/// All against one reference of more samples, 24 renders of 40: with 14 samples the others leave the noise of a
+/// difference of two pictures of 21.
 #[test]
 fn heuristics_samplers_and_sample_counts_agree() {
     let scene = scenes::glossy_floor((16, 16));
     for integrator in [PATH, BDPT] {
-        let many = measure(&scene, &integrator, SamplerKind::Sobol, 7, 24, 64);
-        let few = measure(&scene, &integrator, SamplerKind::Sobol, 6, 256, 2);
+        let many = measure(&scene, &integrator, SamplerKind::Sobol, 7, 24, 40);
+        let few = measure(&scene, &integrator, SamplerKind::Sobol, 6, 160, 2);
         assert_same("spp", &few, &many);
         if integrator.kind == IntegratorKind::Bdpt {
             let balance = Integrator { heuristic: Heuristic::Balance, ..integrator };
-            assert_same("balance", &measure(&scene, &balance, SamplerKind::Sobol, 4, 24, 22), &many);
-            assert_same("halton", &measure(&scene, &integrator, SamplerKind::Halton, 5, 24, 22), &many);
+            assert_same("balance", &measure(&scene, &balance, SamplerKind::Sobol, 4, 24, 14), &many);
+            assert_same("halton", &measure(&scene, &integrator, SamplerKind::Halton, 5, 24, 14), &many);
         }
     }
 }
