@@ -35,6 +35,8 @@ pub const MANIFEST: &str = "run.toml";
 pub const STAGING: &str = "staging.toml";
 /// Name of the plan of the set of lamps that the program placed.
 pub const PLAN: &str = "plan.svg";
+/// Name of the table of surroundings that were compared.
+pub const ENVIRONMENTS: &str = "environments.csv";
 /// Name of the transport basis of a run.
 pub const BASIS: &str = "transport.basis";
 
@@ -212,7 +214,7 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 14] = [
+    const NAMES: [&str; 15] = [
         MANIFEST,
         STAGING,
         BASIS,
@@ -227,6 +229,7 @@ fn is_ours(name: &str) -> bool {
         "found.png",
         "lights.toml",
         PLAN,
+        ENVIRONMENTS,
     ];
     let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));
     NAMES.contains(&name) || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))

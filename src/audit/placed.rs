@@ -66,10 +66,12 @@ pub struct Placed {
     /// Type of the light.
     #[serde(rename = "type")]
     pub kind: LightType,
-    /// Centre, metres.
-    pub position: [f64; 3],
-    /// A point in front of the centre, metres.
-    pub look_at: [f64; 3],
+    /// Centre, metres; absent for surroundings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<[f64; 3]>,
+    /// A point in front of the centre, metres; absent for surroundings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub look_at: Option<[f64; 3]>,
     /// Half-extents of a rectangle across and up at size 1, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_extents: Option<[f64; 2]>,
@@ -85,21 +87,46 @@ pub struct Placed {
     /// Colour, linear Rec.709, which is scaled to luminance 1; white by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub color: Option<[f64; 3]>,
+    /// Picture of surroundings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<String>,
+    /// Angle of surroundings about the vertical, degrees, anticlockwise as seen from above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<f64>,
 }
 
 impl Placed {
+    /// Surroundings by a picture.
+    #[must_use]
+    pub fn environment(image: String, rotation: f64) -> Self {
+        Self {
+            kind: LightType::Environment,
+            position: None,
+            look_at: None,
+            half_extents: None,
+            radius: None,
+            angle: None,
+            softness: None,
+            color: None,
+            image: Some(image),
+            rotation: Some(rotation),
+        }
+    }
+
     /// The light of a sidecar that stands there, under a name.
     #[must_use]
     pub fn spec(&self, name: &str) -> LightSpec {
         LightSpec {
             kind: Some(self.kind),
-            position: Some(self.position),
-            look_at: Some(self.look_at),
+            position: self.position,
+            look_at: self.look_at,
             half_extents: self.half_extents,
             radius: self.radius,
             angle: self.angle,
             softness: self.softness,
             color: self.color,
+            image: self.image.clone(),
+            rotation: self.rotation,
             ..LightSpec::named(name)
         }
     }

@@ -18,6 +18,7 @@ use super::{
         CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, authored,
         free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
+    environments::skies,
     output::{print, print_json},
     progress::Console,
     resume, signals,
@@ -130,6 +131,11 @@ pub struct RunArgs {
     /// With --lamps: keep the scene's own lights, and add lamps to them
     #[arg(long, requires = "lamps")]
     pub keep: bool,
+
+    /// Choose surroundings: every HDR and EXR picture in a folder, or one picture, is tried at every turn, in
+    /// the place of the scene's own, and the best ten are rendered; environments.csv holds their ranking
+    #[arg(long, value_name = "DIR|FILE", conflicts_with_all = ["lamps", "move_lights"])]
+    pub environments: Option<PathBuf>,
 
     /// How gradients are found
     #[arg(long, value_parser = one_of(&GRADIENTS), default_value = "basis")]
@@ -289,7 +295,12 @@ fn work(
     let done = args.transport.in_pool(|| {
         let without_lights = args.lamps.is_some() && !args.keep;
         let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
-        let loaded = load_any_scene(args.scene(), &load, |w| console.note(w))?;
+        let mut loaded = load_any_scene(args.scene(), &load, |w| console.note(w))?;
+        // Surroundings are chosen in the place of lights that staging alone has brought.
+        let without_lights = without_lights || (args.environments.is_some() && loaded.staging.is_some());
+        if without_lights && !load.without_lights {
+            loaded = load_any_scene(args.scene(), &LoadOptions { without_lights, ..load }, |_| ())?;
+        }
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
         let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
@@ -336,10 +347,16 @@ fn work(
                 "--move-lights: lights that follow others (--tie, --ratio, --group, [ties]) cannot be moved"
             );
         }
+        if args.environments.is_some() && !constraints.bonds.is_empty() {
+            bail!("--environments: with ties (--tie, --ratio, --group, [ties]) there is no choice of surroundings");
+        }
         let (path, authored, constraints) = (scene_path.as_path(), &authored, &constraints);
         let own_names: Vec<String> = scene.lights.iter().map(|light| light.name.clone()).collect();
+        let skies = args.environments.as_deref().map(|folder| skies(folder, &console)).transpose()?;
+        let skies = skies.unwrap_or_default();
         let wanted = args.lamps.or_else(|| own_names.is_empty().then_some(LAMPS));
-        let lamps = wanted.or(args.move_lights.then_some(0)).map(usize::from);
+        let places = args.move_lights || !skies.is_empty();
+        let lamps = wanted.or(places.then_some(0)).map(usize::from);
         let reports = match lamps {
             None => {
                 let subject = Subject { scene: &scene, path, authored, constraints, rig: None };
@@ -349,6 +366,7 @@ fn work(
                 let order = Order {
                     most,
                     moves: args.move_lights,
+                    skies: &skies,
                     without_lights,
                     path,
                     authored,
@@ -441,6 +459,9 @@ fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
         "stop_reason": r.stop.to_string(),
         "run_dir": job.out,
     });
+    if let Some(surroundings) = &r.surroundings {
+        report["surroundings"] = json!(surroundings);
+    }
     if !r.lamps.is_empty() {
         report["lamps"] = r.lamps.iter().map(|(name, lamp)| json!({"name": name, "setup": lamp})).collect();
     }
@@ -505,6 +526,9 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
     }
     for (name, lamp) in &r.lamps {
         let _ = writeln!(text, "{name}: {}", rig::in_words(lamp));
+    }
+    if let Some(surroundings) = &r.surroundings {
+        let _ = writeln!(text, "\nsurroundings: {surroundings}");
     }
     let file = if r.last.is_some() { "final.png" } else { "lights.toml" };
     let _ = writeln!(text, "\n{}", out.join(file).display());

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Gradient, setup::Setup};
 use crate::{
+    audit::placed::Placed,
     embree,
     integrator::IntegratorKind,
     math::{ViewTransform, display::LuminanceMode, hash::hash_words},
@@ -96,6 +97,9 @@ struct Options<'a> {
     keep: Option<bool>,
     seed: u64,
     max_evaluations: u32,
+    /// Surroundings that the program chose.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    environment: Option<Placed>,
 }
 
 /// Hash of the bytes of a scene file and its sidecar, in hexadecimal.
@@ -171,10 +175,11 @@ pub(super) fn text(
             final_noise: options.final_noise,
             denoise: options.denoise,
             free: &options.free,
-            lamps: setup.rig.map(|rig| rig.most),
-            keep: setup.rig.map(|rig| !rig.without_lights),
+            lamps: setup.rig.filter(|rig| rig.sky.is_none()).map(|rig| rig.most),
+            keep: setup.rig.filter(|rig| rig.sky.is_none()).map(|rig| !rig.without_lights),
             seed: options.seed,
             max_evaluations: options.max_evaluations,
+            environment: setup.rig.and_then(|rig| Some(rig.sky.as_ref()?.placed())),
         },
         target,
         variables: setup.variables,

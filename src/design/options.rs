@@ -13,6 +13,7 @@ use crate::{
     audit::{AuditError, placed::Description},
     files::number::Bytes,
     film::{exr::ExrError, image_file::ImageFileError},
+    import::radiance_map::MapError,
     integrator::{Integrator, RenderError},
     lighting::Lighting,
     math::Measure,
@@ -128,6 +129,8 @@ pub struct RunReport {
     pub x: Vec<f64>,
     /// Lamps that the program placed, by name, with what a photographer sets up.
     pub lamps: Vec<(String, Description)>,
+    /// Surroundings that the program chose, in one line.
+    pub surroundings: Option<String>,
     /// Number of renders so far in the run, of all sizes.
     pub renders: u64,
     /// Number of evaluations of f_q with its gradient.
@@ -186,6 +189,10 @@ pub enum RunError {
     NoSubject,
     #[error("there is no place for a lamp; allow more of them in [movement]")]
     NoPlace,
+    #[error("cannot read the surroundings again")]
+    Surroundings(#[source] MapError),
+    #[error("cannot write a table")]
+    Table(#[from] csv::Error),
     #[error("cannot write the manifest")]
     Manifest(#[from] toml::ser::Error),
 }

@@ -12,7 +12,7 @@ use super::{
     setup::{Setup, Task},
 };
 use crate::{
-    audit::{PLAN, lights::LightsFile, picture, write_whole},
+    audit::{ENVIRONMENTS, PLAN, lights::LightsFile, picture, write_whole},
     denoise::Layer,
     film::{
         exr::{write_exr, write_exr_plain},
@@ -42,7 +42,10 @@ pub(super) fn write_found(
     let mut file = LightsFile::new(setup.scene, &lighting).seen_through(setup.options.measure.view);
     if let Some(rig) = setup.rig {
         rig.describe(&mut file, setup.scene, &lighting);
-        write_whole(&task.job.out.join(PLAN), rig.plan(setup.scene, &lighting))?;
+        match &rig.sky {
+            None => write_whole(&task.job.out.join(PLAN), rig.plan(setup.scene, &lighting))?,
+            Some(sky) => write_whole(&task.job.out.join(ENVIRONMENTS), sky.table()?)?,
+        }
     }
     write_whole(&task.job.out.join("lights.toml"), toml::to_string(&file)?)?;
     if let Some(shown) = shown {

@@ -249,6 +249,7 @@ fn finish(
         let lighting = setup.lighting(&u);
         let lamps = setup.rig.map_or_else(Vec::new, |rig| rig.described(setup.scene, &lighting));
         Ok(RunReport {
+            surroundings: setup.rig.and_then(|rig| Some(rig.sky.as_ref()?.in_words())),
             lamps: lamps.into_iter().map(|(lamp, described)| (lamp.name.clone(), described)).collect(),
             initial,
             check,

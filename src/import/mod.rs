@@ -16,6 +16,7 @@ pub mod mtl;
 pub mod mtl_params;
 pub mod obj;
 pub mod origin;
+pub mod radiance_map;
 mod range;
 pub mod sheets;
 pub mod sidecar;

@@ -230,6 +230,12 @@ impl RadianceMap {
         &self.texels
     }
 
+    /// Whether the map is the same at every turn about the vertical.
+    #[must_use]
+    pub fn is_round(&self) -> bool {
+        self.texels.chunks(self.width).all(|row| row.iter().all(|texel| *texel == row[0]))
+    }
+
     fn texel(&self, x: i64, y: i64) -> Vec3 {
         let x = x.rem_euclid(self.width as i64) as usize;
         let y = y.clamp(0, self.height as i64 - 1) as usize;

@@ -105,7 +105,7 @@ fn lights_are_moved_unless_they_must_stay() {
         let lights = LightsFile::load(&room.path("moved/lights.toml")).unwrap().lights;
         lights
             .into_iter()
-            .map(|light| (light.name, light.placed.map(|placed| placed.position)))
+            .map(|light| (light.name, light.placed.and_then(|placed| placed.position)))
             .collect::<Vec<_>>()
     };
     // The sphere cannot be moved, and the rectangle comes last.
@@ -193,4 +193,59 @@ fn lights_that_are_off_stay_dark_beside_placed_lamps() {
     let authored = import::load(&room.path("room.obj")).unwrap().scene.lights;
     let key = authored.iter().find(|light| light.name == "key").unwrap().radiance;
     assert_eq!(radiance("key"), f64::from(key));
+}
+
+/// A picture of surroundings of 64 x 32 texels: dim, with a bright patch around a column and above the horizon.
+fn write_surroundings(room: &Room, name: &str, column: u32, patch: [f32; 3]) {
+    let picture = image::Rgb32FImage::from_fn(64, 32, |x, y| {
+        let is_patch = x.abs_diff(column) < 3 && (8..13).contains(&y);
+        image::Rgb(if is_patch { patch } else { [0.05; 3] })
+    });
+    picture.save(room.path(name)).unwrap();
+}
+
+/// A picture of the scene under known surroundings is the target: they are found, with their turn and radiance.
+#[test]
+fn surroundings_are_found_with_their_turn() {
+    const TURN: f64 = 104.0;
+    // From aside, so that no mirrored surroundings give the same values.
+    let camera = TOML[..TOML.find("[[lights]]").unwrap()].replace("[0.0, 1.0, 3.0]", "[0.9, 1.0, 2.9]");
+    let sky = format!(
+        "{camera}[[lights]]\nname = \"sky\"\ntype = \"environment\"\nimage = \"skies/b.exr\"\nrotation = {TURN}\nradiance = 1.5\n"
+    );
+    let room = Room::with(OBJ, MTL, &sky);
+    std::fs::create_dir(room.path("skies")).unwrap();
+    write_surroundings(&room, "skies/a.exr", 20, [4.0, 4.0, 4.0]);
+    write_surroundings(&room, "skies/b.exr", 32, [30.0, 25.0, 20.0]);
+    write_surroundings(&room, "skies/c.hdr", 32, [0.05, 0.05, 0.05]);
+    room.write("skies/broken.hdr", "#?RADIANCE\n");
+    room.write("skies/notes.txt", "no picture");
+    room.succeed(&["render", "room.obj", "--spp", "512", "--size", "48x36", "-o", "wanted.exr"]);
+    let run = ["run", "room.obj", "--environments", "skies", "--target", "wanted.exr", "--free", "radiance"];
+    let sizes = ["--work-size", "48x36", "--size", "48x36", "--final-spp", "16", "--out", "found", "--json"];
+    let out = room.succeed(&[&run[..], &sizes].concat());
+    let said = String::from_utf8(out.stderr.clone()).unwrap();
+    assert!(said.contains("left out: ") && said.contains("broken.hdr") && !said.contains("notes"), "{said}");
+    let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let (f_q, error) = (json["f_q"].as_f64().unwrap(), json["f_q_error"].as_f64().unwrap());
+    let file = LightsFile::load(&room.path("found/lights.toml")).unwrap();
+    // The scene's own surroundings are gone: there is one light, under a name of its own.
+    assert_eq!(file.lights.len(), 1);
+    let placed = file.lights[0].placed.as_ref().unwrap();
+    assert!(placed.image.as_ref().unwrap().ends_with("skies/b.exr"), "{placed:?}");
+    let turn = placed.rotation.unwrap();
+    println!("turned {turn}, radiance {}, f_q {f_q} ± {error}", file.lights[0].radiance);
+    // Within the last two steps.
+    assert!((turn - TURN).abs() < 6.0, "{turn}");
+    assert!((file.lights[0].radiance / 1.5 - 1.0).abs() < 0.1, "{}", file.lights[0].radiance);
+    // Half a step too far costs .05, and nothing but a known picture comes close to 0.
+    assert!(f_q - error < 0.05, "{f_q} ± {error}");
+    // The table is that of the renders, and the lights file alone makes the picture again.
+    let table = std::fs::read_to_string(room.path("found/environments.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().starts_with("1,b.exr,"), "{table}");
+    room.succeed(&["render", "room.obj", "--lights", "found/lights.toml", "--spp", "4", "-o", "again.exr"]);
+
+    std::fs::create_dir(room.path("nothing")).unwrap();
+    let error = room.fail(&["run", "room.obj", "--environments", "nothing", "--out", "x"]);
+    assert!(error.contains("--environments: nothing: no HDR or EXR picture"), "{error}");
 }

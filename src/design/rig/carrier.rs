@@ -20,6 +20,7 @@ use crate::{
     files::number::Bytes,
     film::Picture,
     integrator::{View, aov},
+    light::Light,
     lighting::{Lighting, SampleCounts, SamplingPlan},
     math::Measure,
     objective::{Objective, ObjectiveError, Target},
@@ -49,13 +50,35 @@ const SAMPLED: [usize; 2] = [4, 16];
 /// the open light.
 const CAMERA_SUBPATHS: u32 = 8;
 
-/// Lamps with their pictures at unit radiance.
+/// What a rig is chosen among: each is one light, whose radiance is found.
+pub trait Candidate {
+    /// Whether such lights are known to be clear of every surface of the scene.
+    const IS_CLEAR: bool;
+    /// The light, under a name, at radiance 1.
+    fn light(&self, name: String) -> Light;
+    /// The scene's own light for which it stands, by its index among those that may be moved; `None` for another.
+    fn of(&self) -> Option<usize>;
+}
+
+impl Candidate for Lamp {
+    const IS_CLEAR: bool = true;
+
+    fn light(&self, name: String) -> Light {
+        Self::light(self, name)
+    }
+
+    fn of(&self) -> Option<usize> {
+        self.of
+    }
+}
+
+/// Lamps, or other lights among which is chosen, with their pictures at unit radiance.
 #[derive(Debug)]
-pub struct Carrier {
+pub struct Carrier<L = Lamp> {
     /// Number of the scene's own lights, which come before the lamps in everything that is by light.
     pub n_own: usize,
     /// The lamps.
-    pub lamps: Vec<Lamp>,
+    pub lamps: Vec<L>,
     /// Tables of the own lights and of the lamps.
     basis: TransportBasis,
     /// The same of pictures reduced by [`REDUCED_AGAIN`].
@@ -118,6 +141,8 @@ pub struct Commission<'a> {
     pub memory: u64,
     /// Samples that every lamp has in a pixel, all replicates together.
     pub samples: u32,
+    /// Samples of a pixel at least, whatever lamps have.
+    pub least_spp: u32,
     /// Seed of the samples.
     pub seed: u64,
 }
@@ -135,26 +160,39 @@ impl<'a> Commission<'a> {
             free: &options.free,
             memory: options.memory,
             samples: SAMPLES,
+            least_spp: 1,
             seed: seed_for(options.seed, Purpose::Places),
         }
     }
+
+    /// The same with `least_spp` samples of a pixel at least.
+    #[must_use]
+    pub fn with_spp(self, least_spp: u32) -> Self {
+        Self { least_spp, ..self }
+    }
 }
 
-impl Carrier {
+impl<L: Candidate> Carrier<L> {
     /// Renders the tables of some lamps. Returns them with the scene, which has the lamps as its last lights.
     ///
     /// # Errors
     /// When the tables need more memory than is allowed, or the render fails.
     pub fn render(
         scene: Scene,
-        lamps: Vec<Lamp>,
+        lamps: Vec<L>,
         commission: Commission,
         reporter: &impl Reporter,
     ) -> Result<(Self, Scene), RunError> {
         let Commission { own, renderer, samples, seed, .. } = commission;
         let n_own = scene.lights.len();
-        let named = |(i, lamp): (usize, &Lamp)| lamp.light(format!("place {}", i + 1));
-        let scene = scene.with_clear_lights(lamps.iter().enumerate().map(named).collect());
+        let named = |(i, lamp): (usize, &L)| lamp.light(format!("place {}", i + 1));
+        let lights: Vec<Light> = lamps.iter().enumerate().map(named).collect();
+        let scene = if L::IS_CLEAR {
+            scene.with_clear_lights(lights)
+        } else {
+            let all = scene.lights.iter().cloned().chain(lights).collect();
+            scene.with_lights(all)
+        };
         let fitted = with_lamps(own, lamps.len());
         let counts = SampleCounts {
             first_light_samples: (scene.lights.len() / SAMPLED[0]).clamp(6, 96) as u32,
@@ -162,8 +200,8 @@ impl Carrier {
             camera_subpaths: CAMERA_SUBPATHS,
             ..SampleCounts::default()
         };
-        let spp =
-            (samples as usize * scene.lights.len()).div_ceil(counts.first_light_samples as usize) as u32;
+        let of_lamps = samples as usize * scene.lights.len();
+        let spp = (of_lamps.div_ceil(counts.first_light_samples as usize) as u32).max(commission.least_spp);
         let (layout, nodes) = plan(&scene, &fitted, &commission, counts, spp, reporter)?;
         let camera = scene.camera.resized(layout.size);
         let view = View { scene: &scene, camera: &camera };
@@ -213,7 +251,7 @@ impl Carrier {
 
     /// The lamp of an index among all lights.
     #[must_use]
-    pub fn lamp(&self, light: usize) -> &Lamp {
+    pub fn lamp(&self, light: usize) -> &L {
         &self.lamps[light - self.n_own]
     }
 

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::carrier::{Carrier, Part};
+use super::carrier::{Candidate, Carrier, Part};
 use crate::{
     design::{
         evaluator::Scratch,
@@ -66,16 +66,16 @@ pub struct Offer {
 }
 
 /// Search for a rig of one look on a carrier.
-pub struct Chooser<'a, C> {
+pub struct Chooser<'a, L, C> {
     /// The lamps.
-    pub carrier: &'a Carrier,
+    pub carrier: &'a Carrier<L>,
     /// Objectives of the whole pictures and of the reduced ones.
     pub objectives: [Objective; 2],
     /// Whether the search must end.
     pub cancelled: &'a C,
 }
 
-impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
+impl<L: Candidate + Sync, C: Fn() -> bool + Sync> Chooser<'_, L, C> {
     /// The best rigs of up to `most` lamps more than those of `start`, one for each number of lamps; fewer where
     /// there is no other lamp. The first has no lamp more, unless there is no light at all.
     ///
@@ -117,19 +117,31 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
                 }
             }
         }
-        let mut next = tried
-            .into_par_iter()
-            .map(|(lights, u)| self.polished(lights, &u))
-            .collect::<Result<Vec<_>, _>>()?;
-        next.sort_by(|a, b| a.f_q.total_cmp(&b.f_q));
+        let mut next = self.all_polished(tried)?;
         next.truncate(RIGS);
         Ok(next)
+    }
+
+    /// Rigs of one lamp more than a rig has: the `count` that cost least, best first.
+    ///
+    /// # Errors
+    /// When NLopt fails.
+    pub fn with_one_more(&self, rig: &Choice, count: usize) -> Result<Vec<Choice>, OptimError> {
+        self.all_polished(self.cheapest(rig, None, count))
+    }
+
+    /// Lights and their points, each after a descent, best first.
+    fn all_polished(&self, tried: Vec<(Vec<usize>, Vec<f64>)>) -> Result<Vec<Choice>, OptimError> {
+        let ends = tried.into_par_iter().map(|(lights, u)| self.polished(lights, &u));
+        let mut ends = ends.collect::<Result<Vec<_>, _>>()?;
+        ends.sort_by(|a, b| a.f_q.total_cmp(&b.f_q));
+        Ok(ends)
     }
 
     /// The rigs with one lamp more that cost least, each with its point, at most `count`; the lamp is one that
     /// stands for the scene's own light `of`, or for none.
     fn cheapest(&self, rig: &Choice, of: Option<usize>, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let is_free = |c: &usize| !rig.lights.contains(c) && self.carrier.lamp(*c).of == of;
+        let is_free = |c: &usize| !rig.lights.contains(c) && self.carrier.lamp(*c).of() == of;
         let priced = self.carrier.candidates().into_par_iter().filter(is_free);
         let priced = priced.map(|candidate| {
             let mut lights = rig.lights.clone();
@@ -192,7 +204,10 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
     }
 
     /// Descends in all variables of some lights from `u`.
-    fn polished(&self, lights: Vec<usize>, u: &[f64]) -> Result<Choice, OptimError> {
+    ///
+    /// # Errors
+    /// When NLopt fails.
+    pub fn polished(&self, lights: Vec<usize>, u: &[f64]) -> Result<Choice, OptimError> {
         let part = self.carrier.part(&lights);
         let evaluator = part.evaluator(&self.objectives[0]);
         // Own lights of which nothing is free have no variables.
@@ -219,15 +234,10 @@ impl<C: Fn() -> bool + Sync> Chooser<'_, C> {
             }
             let place = n_own + k;
             let rest = self.without(&best, place);
-            let of = self.carrier.lamp(best.lights[place]).of;
+            let of = self.carrier.lamp(best.lights[place]).of();
             let mut tried = self.cheapest(&rest, of, EXCHANGED);
             tried.retain(|(lights, _)| lights.last() != Some(&best.lights[place]));
-            let mut ends = tried
-                .into_par_iter()
-                .map(|(lights, u)| self.polished(lights, &u))
-                .collect::<Result<Vec<_>, _>>()?;
-            ends.sort_by(|a, b| a.f_q.total_cmp(&b.f_q));
-            match ends.into_iter().next() {
+            match self.all_polished(tried)?.into_iter().next() {
                 // The new lamp is the last, and that which follows has its place.
                 Some(better) if better.f_q < best.f_q - LEAST_GAIN => (best, unchanged) = (better, 0),
                 _ => (k, unchanged) = ((k + 1) % n, unchanged + 1),

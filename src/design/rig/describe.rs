@@ -53,13 +53,15 @@ impl PlacedLamp {
         };
         Placed {
             kind,
-            position: point(self.lamp.position),
-            look_at: point(self.lamp.look_at),
+            position: Some(point(self.lamp.position)),
+            look_at: Some(point(self.lamp.look_at)),
             half_extents,
             radius,
             angle: self.lamp.beam.map(|beam| decimal(beam.angle)),
             softness: self.lamp.beam.map(|beam| decimal(beam.softness)),
             color: (self.lamp.color != Rgb::ONE).then(|| self.lamp.color.to_array().map(decimal)),
+            image: None,
+            rotation: None,
         }
     }
 

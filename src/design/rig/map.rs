@@ -100,6 +100,7 @@ pub fn map(scene: Scene, survey: Survey, reporter: &impl Reporter) -> Result<Map
         free: &free,
         memory,
         samples: SAMPLES,
+        least_spp: 1,
         seed,
     };
     let (carrier, _) = Carrier::render(scene, lamps, commission, reporter)?;

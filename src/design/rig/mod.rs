@@ -12,7 +12,8 @@
 //! | `choose` | which of them, and how bright |
 //! | `describe`, `plan` | what a photographer would say of them, and draw |
 //! | `map` | where a lamp would help |
-//! | `run` | a whole run whose lamps the program places |
+//! | `sky` | pictures of surroundings, and how far they are turned |
+//! | `run` | a whole run whose lamps or surroundings the program chooses |
 
 mod carrier;
 mod choose;
@@ -23,6 +24,7 @@ pub mod places;
 mod plan;
 mod run;
 mod set;
+mod sky;
 
 use self::{
     carrier::{Carrier, Commission},
@@ -47,6 +49,7 @@ pub use lamp::{Beam, Lamp};
 pub use map::{Map, Spot, Survey, map};
 pub use run::{Order, run};
 pub use set::{Ground, Place, Set, direction};
+pub use sky::{PlacedSky, SkyFile};
 
 /// Steps of the rounds in which the lamps that were chosen are moved by a little, degrees. The first is that of
 /// the cells; set by reasoning.
@@ -63,6 +66,8 @@ const HALVINGS: u32 = 6;
 pub struct Rig {
     /// The lamps with their names and roles, in the order of the lights.
     pub lamps: Vec<PlacedLamp>,
+    /// Surroundings that were chosen in the place of lamps.
+    pub sky: Option<PlacedSky>,
     /// Lamps at most that were asked for.
     pub most: usize,
     /// Whether the lights of the scene's files were left out.
@@ -216,7 +221,7 @@ impl Lit {
     }
 
     /// The choice in a carrier that has these lamps among its own.
-    fn choice<C: Fn() -> bool + Sync>(&self, chooser: &Chooser<C>) -> Choice {
+    fn choice<C: Fn() -> bool + Sync>(&self, chooser: &Chooser<Lamp, C>) -> Choice {
         let carrier = chooser.carrier;
         let place = |lamp: &Lamp| carrier.lamps.iter().position(|other| other == lamp);
         let places = self.lamps.iter().filter_map(place).map(|k| carrier.n_own + k);
@@ -350,17 +355,18 @@ fn sizes(lamp: &Lamp, set: &Set, view: View) -> [f32; 2] {
 impl Rig {
     /// A rig without lamps.
     fn empty(order: &Order, ground: Ground) -> Self {
-        Self { lamps: Vec::new(), most: order.most, without_lights: order.without_lights, ground }
+        let Order { most, without_lights, .. } = *order;
+        Self { lamps: Vec::new(), sky: None, most, without_lights, ground }
     }
 
-    /// The lights of the lamps, with the radiances and sizes with which they were chosen.
+    /// The lights of the lamps and surroundings, with the radiances and sizes with which they were chosen.
     pub fn lights(&self) -> impl Iterator<Item = Light> {
         let light = |p: &PlacedLamp| Light {
             radiance: p.radiance as f32,
             size: p.size,
             ..p.lamp.light(p.name.clone())
         };
-        self.lamps.iter().map(light)
+        self.lamps.iter().map(light).chain(self.sky.iter().map(|sky| sky.light.clone()))
     }
 
     /// The constraints of the lights that stay where they are, with those of the lamps added.
@@ -371,7 +377,8 @@ impl Rig {
         let of_fixed = names.filter(|(name, _)| fixed.iter().any(|light| light.name == **name));
         let lights = of_fixed.map(|(_, constraints)| constraints.clone());
         let of_lamps = self.lamps.iter().map(|placed| placed.constraints.clone());
-        Constraints { lights: lights.chain(of_lamps).collect(), ..own.clone() }
+        let of_sky = self.sky.iter().map(|sky| sky.constraints(order));
+        Constraints { lights: lights.chain(of_lamps).chain(of_sky).collect(), ..own.clone() }
     }
 
     /// The lamps with what a photographer sets up for each in a lighting of the scene.
@@ -383,7 +390,7 @@ impl Rig {
         each.map(|(k, lamp)| (lamp, lamp.description(at(k).0, at(k).1))).collect()
     }
 
-    /// Adds to the file of a lighting where the lamps stand and what a photographer sets up.
+    /// Adds to the file of a lighting where the lamps stand, what a photographer sets up, and the surroundings.
     pub fn describe(&self, file: &mut LightsFile, scene: &Scene, lighting: &Lighting) {
         file.without_lights = self.without_lights;
         for (lamp, description) in self.described(scene, lighting) {
@@ -391,6 +398,10 @@ impl Rig {
                 setting.placed = Some(lamp.placed(scene.origin));
                 setting.setup = Some(description.clone());
             }
+        }
+        if let Some(sky) = &self.sky {
+            let setting = file.lights.iter_mut().find(|setting| setting.name == sky.light.name);
+            setting.into_iter().for_each(|setting| setting.placed = Some(sky.placed()));
         }
     }
 

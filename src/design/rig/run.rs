@@ -1,11 +1,11 @@
-//! A whole run whose lamps the program places.
+//! A whole run whose lamps or surroundings the program chooses.
 
 use std::{
     path::Path,
     time::{Duration, Instant},
 };
 
-use super::find;
+use super::{SkyFile, find, sky};
 use crate::{
     audit::BASIS,
     design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
@@ -25,6 +25,8 @@ pub struct Order<'a> {
     pub most: usize,
     /// Whether the scene's own flat lights may be moved.
     pub moves: bool,
+    /// Pictures of surroundings, one of which takes the place of the scene's own; none to place lamps.
+    pub skies: &'a [SkyFile],
     /// Whether the lights of the scene's files were left out.
     pub without_lights: bool,
     /// Path of the scene file, for the record.
@@ -49,7 +51,10 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
     let start = Instant::now();
     let lit = scene.lights.iter().zip(&order.authored.radiance);
     let lights = lit.map(|(light, &radiance)| Light { radiance: radiance as f32, ..light.clone() }).collect();
-    let (rigs, mut scene) = find(scene.with_lights(lights), order, reporter)?;
+    let scene = scene.with_lights(lights);
+    let found =
+        if order.skies.is_empty() { find(scene, order, reporter) } else { sky::find(scene, order, reporter) };
+    let (rigs, mut scene) = found?;
     let own = scene.lights.clone();
     let mut reports = Vec::new();
     let n = rigs.len();

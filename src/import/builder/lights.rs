@@ -17,10 +17,10 @@ use crate::{
         number::{Number, Numbers},
         reach::MAX_PICTURE_BYTES,
     },
-    film::image_file::LinearImage,
     import::{
         error::ImportError,
         imported::{ImportedLight, Punctual},
+        radiance_map::{self, MAX_MAP_WIDTH, MapError},
         sidecar::{LightSpec, LightType},
     },
     light::{
@@ -29,12 +29,8 @@ use crate::{
     },
     lighting::MAX_RADIANCE,
     math::{Rgb, luminance},
-    picture::{Picture, Purpose, Reading},
 };
 
-/// Widest picture of surroundings that is not reduced, texels. Memory against sharpness: 4096 × 2048
-/// texels take 96 MiB, and the sun (0.53°) is 6 texels wide.
-const MAX_MAP_WIDTH: usize = 4096;
 /// Share of a spot's half-angle that is soft edge where the sidecar does not say.
 const DEFAULT_SOFTNESS: f64 = 0.2;
 /// Least half-angle of a spot, degrees, as that of a glTF's: a narrower cone's solid angle drowns in rounding.
@@ -342,8 +338,7 @@ impl<'a> LightReader<'a> {
         Ok(Environment { map, rotation: rotation.to_radians(), scene: Surroundings::default() })
     }
 
-    /// Reads a picture of the surroundings beside the sidecar, with 0 for negative values, halved until
-    /// it is at most [`MAX_MAP_WIDTH`] wide or a side is odd.
+    /// Reads a picture of the surroundings beside the sidecar.
     fn radiance_map(&self, name: &str, warnings: &mut Vec<String>) -> Result<RadianceMap, ImportError> {
         let sidecar = self.source.sidecar_path;
         let path = sidecar.parent().unwrap_or(Path::new("")).join(name);
@@ -352,28 +347,18 @@ impl<'a> LightReader<'a> {
         {
             return Err(ImportError::Reach { path: sidecar.into(), key: self.key("image"), source });
         }
-        let reading = Reading { kept: LinearImage::PIXEL, ..Reading::of(Purpose::Light) };
-        let picture = Picture::read(&path, &reading).map_err(|source| ImportError::Picture {
-            path: sidecar.into(),
-            key: self.key("image"),
-            source: Box::new(source),
-        })?;
-        let wrong = |message: String| self.error("image", format!("{}: {message}", path.display()));
-        let mut image = LinearImage::of(&picture);
-        let negative = image.make_radiance().map_err(|bad| wrong(bad.to_string()))?;
-        let notes = picture.notes.iter().map(ToString::to_string).chain(negative);
-        warnings.extend(notes.map(|note| format!("{}: {note}", path.display())));
-        drop(picture);
-        let LinearImage { mut width, mut height, rgb: mut texels } = image;
-        let original = width;
-        while width > MAX_MAP_WIDTH && width % 2 == 0 && height % 2 == 0 {
-            texels = halve(&texels, width);
-            (width, height) = (width / 2, height / 2);
+        match radiance_map::read(&path, MAX_MAP_WIDTH) {
+            Ok((map, noted)) => {
+                warnings.extend(noted);
+                Ok(map)
+            }
+            Err(MapError::Picture(source)) => Err(ImportError::Picture {
+                path: sidecar.into(),
+                key: self.key("image"),
+                source: Box::new(source),
+            }),
+            Err(wrong @ MapError::Values { .. }) => Err(self.error("image", wrong.to_string())),
         }
-        if width != original {
-            warnings.push(format!("{}: reduced to {width} x {height} pixels", path.display()));
-        }
-        RadianceMap::new(width, height, texels).ok_or_else(|| wrong("needs values >= 0, not all 0".into()))
     }
 
     fn mesh(&self, emitters: &mut Emitters) -> Result<(Shape, Option<Rgb>), ImportError> {
@@ -429,16 +414,4 @@ pub fn punctual(l: &ImportedLight) -> Light {
 /// Parallel light along a unit direction; the scene gives it its surroundings.
 fn distant(direction: Vec3) -> Shape {
     Shape::Distant(Distant { direction, scene: Surroundings::default() })
-}
-
-/// An image of half the width and height, both even: means over 2 × 2 pixels.
-fn halve(texels: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
-    let height = texels.len() / width;
-    let at = |x: usize, y: usize| Vec3::from_array(texels[y * width + x]);
-    (0..height / 2 * (width / 2))
-        .map(|i| {
-            let (x, y) = (2 * (i % (width / 2)), 2 * (i / (width / 2)));
-            ((at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1)) / 4.0).to_array()
-        })
-        .collect()
 }
