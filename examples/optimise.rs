@@ -42,8 +42,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The scene, and what its author lets vary within which bounds.
     let Loaded { scene, constraints, .. } = import::load(&path)?;
     let authored = Lighting::authored(&scene);
-    let subject =
-        Subject { scene: &scene, path: &path, authored: &authored, constraints: &constraints, rig: None };
+    let subject = Subject {
+        scene: &scene,
+        path: &path,
+        authored: &authored,
+        constraints: &constraints,
+        rig: None,
+        time_left: None,
+    };
 
     // As the command line has them, but for smaller pictures.
     let options = RunOptions {

@@ -359,7 +359,8 @@ fn work(
         let lamps = wanted.or(places.then_some(0)).map(usize::from);
         let reports = match lamps {
             None => {
-                let subject = Subject { scene: &scene, path, authored, constraints, rig: None };
+                let subject =
+                    Subject { scene: &scene, path, authored, constraints, rig: None, time_left: None };
                 design::run(subject, &options, &console)?
             }
             Some(most) => {

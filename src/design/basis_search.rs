@@ -19,7 +19,10 @@ use super::{
     working_basis::{Focus, REPLICATES, WorkingBasis},
 };
 use crate::{
-    integrator::RenderError, math::hash::hash_words, objective::JackknifeEstimate, optim::StopReason,
+    integrator::RenderError,
+    math::hash::hash_words,
+    objective::JackknifeEstimate,
+    optim::{OptimError, StopReason},
 };
 
 /// Samples with which a check begins, over those of the basis: a render of one lighting is less noisy than
@@ -206,8 +209,11 @@ fn begin_searches<'t, 'a>(
             let (mut trials, mut evaluations) =
                 search::search(&whole, &reduced, &task.starts, seed, &cancelled)?;
             let mut line = None;
-            if setup.options.global {
-                let (start, n) = search::global(&reduced, &cancelled)?;
+            let global = setup.options.global.then(|| search::global(&reduced, &cancelled));
+            if let Some(Err(OptimError::NothingEvaluated)) = global {
+                line = Some("no time was left to search the whole box".to_owned());
+            } else if let Some(global) = global {
+                let (start, n) = global?;
                 let polished = search::refine(&whole, &start, &cancelled)?;
                 evaluations += polished.evaluations.len() as u32;
                 let best = search::best(&trials)?.1;

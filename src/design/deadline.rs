@@ -12,6 +12,8 @@ pub(super) struct Deadline {
 }
 
 impl Deadline {
+    /// Part of the time allowed after which no better places of lamps, or surroundings, are sought.
+    pub const PLACING: f64 = 0.3;
     /// Part of the time allowed after which no lights are sought any more. A search seldom takes
     /// longer, while a picture uses all the time that is left for it.
     pub const SEARCH: f64 = 0.5;

@@ -58,6 +58,8 @@ pub struct Subject<'a> {
     pub constraints: &'a Constraints,
     /// Lamps that the program placed; `None` where all lights are the scene's own.
     pub rig: Option<&'a Rig>,
+    /// What is left for this scene of the time that the options allow; `None` where it is all of it.
+    pub time_left: Option<Duration>,
 }
 
 /// Options of a run.

@@ -56,7 +56,7 @@ pub fn run(
     );
     let fitted = fitted?;
     fitted.notes.iter().for_each(|n| reporter.note(n));
-    let deadline = Deadline::new(start, options.time_limit);
+    let deadline = Deadline::new(start, subject.time_left.or(options.time_limit));
     let (fitted, aovs, products) = (&fitted, &aovs, &Products::new(options.products.as_deref()));
     let camera = &camera;
     let features = options.denoise.then(|| Features::trace(view));

@@ -5,12 +5,12 @@
 //! (`Pr`, `Pm`, `map_Pr`, `map_Pm`, `norm`) as exporters write it.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, HashSet},
     ops::RangeInclusive,
     path::{Path, PathBuf},
 };
 
-use glam::{Affine2, Vec2};
+use glam::{Affine2, DVec3, Vec2};
 
 use super::{
     error::LineError,
@@ -19,6 +19,7 @@ use super::{
 };
 use crate::{
     files::number::Number,
+    math::primaries,
     scene::texture::{Channel, Wrap},
 };
 
@@ -130,6 +131,7 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
     let mut out: Vec<MtlMaterial> = Vec::new();
     let mut warnings = Warnings::default();
     let mut empty = Empty::default();
+    let mut names = HashSet::new();
     for (line, content) in logical_lines(text) {
         let (keyword, rest) = split_keyword(&content);
         let fail = |message: String| LineError { line, message: format!("`{keyword}`: {message}") };
@@ -137,6 +139,9 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
         if key == "newmtl" {
             if rest.is_empty() {
                 return Err(fail("needs a name".into()));
+            }
+            if !names.insert(rest.to_owned()) {
+                warnings.about("material", rest, "is there more than once: the last counts".into());
             }
             let (name, directory) = (rest.to_owned(), directory.to_path_buf());
             out.push(MtlMaterial { name, origin, directory, ..MtlMaterial::default() });
@@ -153,6 +158,9 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
         }
         let mut warn = |message: String| warnings.about("material", &m.name, message);
         match key.as_str() {
+            "kd" | "ks" | "ke" if rest.split_whitespace().next() == Some("spectral") => {
+                warn(format!("`{keyword} spectral` is ignored: spectra are not read"));
+            }
             "kd" => m.kd = Some(color(rest).map_err(fail)?),
             "ks" => m.ks = Some(color(rest).map_err(fail)?),
             "ke" => m.ke = Some(color(rest).map_err(fail)?),
@@ -164,7 +172,13 @@ pub fn parse(text: &str, directory: &Path) -> Result<(Vec<MtlMaterial>, Vec<Stri
             },
             "ns" => m.ns = Some(number(rest).map_err(fail)?),
             "ni" => m.ni = Some(number(rest).map_err(fail)?),
-            "d" => m.d = Some(number(rest.trim_start_matches("-halo")).map_err(fail)?),
+            "d" => {
+                let halo = rest.strip_prefix("-halo");
+                if halo.is_some() {
+                    warn("`d -halo` is taken as `d`: as opaque at the rim as in the middle".into());
+                }
+                m.d = Some(number(halo.unwrap_or(rest)).map_err(fail)?);
+            }
             "tr" => m.tr = Some(number(rest).map_err(fail)?),
             "pr" => m.pr = Some(number(rest).map_err(fail)?),
             "pm" => m.pm = Some(number(rest).map_err(fail)?),
@@ -248,7 +262,16 @@ fn number(rest: &str) -> Result<f32, String> {
     }
 }
 
+/// A colour in linear Rec.709, of one or three numbers, or of CIE XYZ after the word `xyz`.
 fn color(rest: &str) -> Result<[f32; 3], String> {
+    if let Some(xyz) = rest.strip_prefix("xyz") {
+        let (c, n) = numbers::<3>(xyz).map_err(|_| "needs 3 numbers after `xyz`")?;
+        finite(&c)?;
+        // Two of them may be left out.
+        let c = if n == 1 { [c[0]; 3] } else { c };
+        let matrix = primaries::xyz_to_rec709().ok_or("needs 3 numbers")?;
+        return Ok((matrix * DVec3::from_array(c.map(f64::from))).to_array().map(|v| v.max(0.0) as f32));
+    }
     let (c, n) = numbers::<3>(rest).map_err(|_| "needs 3 numbers")?;
     finite(&c)?;
     match n {
@@ -356,6 +379,25 @@ mod tests {
         assert_eq!((wrap("-clamp on a.png"), wrap("-clamp off a.png")), (Wrap::Clamp, Wrap::Repeat));
         let m = parse("-o 0.5 1 1 -bm 2 -imfchan m 7 of 9.png");
         assert_eq!(m, ("7 of 9.png".into(), Vec2::ONE, Vec2::new(0.5, 1.0), Some(2.0), Some(Channel::A), 0));
+    }
+
+    #[test]
+    fn colours_in_other_spaces_are_converted_or_said_to_be_ignored() {
+        let parsed = |text: &str| parse(text, Path::new("")).unwrap();
+        // The white of Rec.709 is D65: x .3127, y .3290 at Y = 1.
+        let (materials, warnings) =
+            parsed("newmtl a\nKd xyz 0.9505 1.0 1.0891\nKs xyz 0.4124 0.2126 0.0193\n");
+        let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3);
+        assert!(near(materials[0].kd.unwrap(), [1.0; 3]), "{:?}", materials[0].kd);
+        assert!(near(materials[0].ks.unwrap(), [1.0, 0.0, 0.0]), "{:?}", materials[0].ks);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let (materials, warnings) = parsed("newmtl a\nKd spectral file.rfl 1\nd -halo 0.3\nnewmtl a\n");
+        assert_eq!((materials[0].kd, materials[0].d), (None, Some(0.3)));
+        let said = warnings.join("; ");
+        assert!(
+            ["spectra are not read", "-halo", "more than once"].iter().all(|word| said.contains(word)),
+            "{said}"
+        );
     }
 
     #[test]

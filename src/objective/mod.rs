@@ -70,13 +70,13 @@ pub enum ObjectiveError {
     /// No pixel belongs to the object.
     #[error(
         "the mask marks no pixel as main object, so the terms meanObj, varObj and grad cannot be \
-         measured; name an object that the camera sees"
+         measured; of a scene, name an object that the camera sees"
     )]
     EmptyObject,
     /// Every pixel belongs to the object.
     #[error(
         "the mask marks every pixel as main object, so the terms meanBack and varBack cannot be \
-         measured; name less as `[main_object]`, or leave some background in the picture"
+         measured; leave some background in the picture or, of a scene, name less as `[main_object]`"
     )]
     EmptyBackground,
     /// The jackknife needs at least two replicates.

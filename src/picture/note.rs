@@ -29,6 +29,8 @@ pub enum Note {
     GainMap,
     /// Chromaticities of no device.
     ChromaticitiesIgnored,
+    /// A table that says how brightness is encoded.
+    TransferIgnored,
     /// The only channel of an EXR, of a name that does not say grey.
     OnlyChannel(String),
     /// Pixels that are not square, by their height over their width.
@@ -65,6 +67,9 @@ impl fmt::Display for Note {
             Self::GainMap => write!(f, "its gain map for brighter displays is ignored"),
             Self::ChromaticitiesIgnored => {
                 write!(f, "its chromaticities are those of no device and are ignored")
+            }
+            Self::TransferIgnored => {
+                write!(f, "its TransferFunction is ignored; what else the file says of its colours counts")
             }
             Self::OnlyChannel(name) => write!(f, "its only channel {} is read as grey", quoted(name)),
             Self::PixelAspect(ratio) => {

@@ -330,6 +330,11 @@ fn further_channels_of_a_tiff_are_left_out_or_refused_where_they_would_mislead()
 }
 
 #[test]
+fn a_table_of_brightness_in_a_tiff_is_said_to_be_ignored() {
+    assert_eq!(read(&tiff_pages(&[(&[7], 1, &[(301, 0)])])).notes, [Note::TransferIgnored]);
+}
+
+#[test]
 fn white_is_zero_is_turned_around() {
     for (zero, want) in [(1, 200.0), (0, 55.0)] {
         let picture = read(&tiff_pages(&[(&[200], 1, &[(262, zero)])]));

@@ -26,6 +26,8 @@ const DNG_VERSION: Tag = Tag::Unknown(50_706);
 const PREVIEW: u32 = 1;
 /// Bit of NewSubfileType: the transparency of another picture.
 const TRANSPARENCY: u32 = 4;
+/// \[TIFF6\] section 20.
+const TRANSFER_FUNCTION: Tag = Tag::Unknown(301);
 
 type TiffDecoder<'a> = Decoder<Box<dyn Source + 'a>>;
 
@@ -62,6 +64,9 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
         match kind.colour {
             ColorType::CMYK(_) | ColorType::CMYKA(_) => notes.push(Note::Cmyk),
             _ => profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok(),
+        }
+        if decoder.find_tag(TRANSFER_FUNCTION).ok().flatten().is_some() {
+            notes.push(Note::TransferIgnored);
         }
         if decoder.more_images() {
             notes.push(Note::FurtherPages);
@@ -128,6 +133,13 @@ impl Kind {
         let extra = decoder.find_tag_unsigned_vec::<u16>(Tag::ExtraSamples).ok().flatten();
         let extra = extra.and_then(|e| e.first().copied());
         let colour = decoder.colortype().map_err(|e| refused(&e))?;
+        let is_planar = number(decoder, Tag::PlanarConfiguration) == Some(2);
+        let tile = decoder.find_tag_unsigned::<u32>(Tag::TileLength).ok().flatten().filter(|&rows| rows > 0);
+        let (_, height) = decoder.dimensions().map_err(|e| refused(&e))?;
+        // The crate does not expect that planes end within a row of tiles.
+        if is_planar && tile.is_some_and(|rows| height % rows != 0) {
+            return unsupported("its channels lie apart, in tiles that reach below its lower edge");
+        }
         let bits = colour.bit_depth();
         let n_samples = number(decoder, Tag::SamplesPerPixel).unwrap_or(1);
         let is_predicted = number(decoder, Tag::Predictor).is_some_and(|p| p > 1);
@@ -153,7 +165,7 @@ impl Kind {
             colour,
             used,
             alpha: if extra == Some(1) { Alpha::Premultiplied } else { Alpha::Straight },
-            is_planar: number(decoder, Tag::PlanarConfiguration) == Some(2),
+            is_planar,
             is_jpeg: number(decoder, Tag::Compression) == Some(JPEG),
             is_float: formats.first() == Some(&3),
         })

@@ -249,6 +249,21 @@ fn skins_and_morph_targets_take_their_default_pose() {
         ("/meshes/0/weights", json!([1.0])),
     ]);
     assert!(s.mesh.positions.iter().all(|p| p.abs().truncate() == Vec2::splat(2.0)));
+    // An animation that begins with other weights is not followed, and this is said.
+    let said = |offset: u32| {
+        let animation = json!({"name": "smile", "samplers": [{"input": 3, "output": 3}],
+                               "channels": [{"sampler": 0, "target": {"node": 1, "path": "weights"}}]});
+        let first = json!({"bufferView": 1, "byteOffset": offset, "componentType": 5126, "count": 1, "type": "SCALAR"});
+        let imported = load(&[
+            ("/meshes/0/primitives/0/targets", json!([{"POSITION": 0}])),
+            ("/meshes/0/weights", json!([1.0])),
+            ("/accessors/-", first),
+            ("/animations", json!([animation])),
+        ]);
+        imported.warnings.join("; ").contains("animation `smile`: the weights of its shape keys")
+    };
+    // View 1 begins with the numbers 0 and 1.
+    assert!(said(0) && !said(4));
     // All corners hang on joint 1, one metre up; the node itself does not count.
     let view = |n: usize| json!({"buffer": 1, "byteOffset": 4 * n, "byteLength": 4});
     let s = load(&[

@@ -389,7 +389,7 @@ fn lines_that_make_no_sense_are_named() {
         ("newmtl a\nKd 1 2\n", "mtl:2: `Kd`: needs 3 numbers, got 2"),
         ("newmtl a\nKd nan 0 0\n", "mtl:2: `Kd`: must be finite"),
         ("newmtl a\nNs 1e39\n", "mtl:2: `Ns`: must be finite, at most 3.4028235e38 in magnitude"),
-        ("newmtl a\nKd spectral a.rfl\n", "mtl:2: `Kd`: needs 3 numbers"),
+        ("newmtl a\nKd xyz a\n", "mtl:2: `Kd`: needs 3 numbers after `xyz`"),
         ("newmtl a\nNs x\n", "mtl:2: `Ns`: needs a number"),
         ("newmtl a\nillum 99\n", "mtl:2: `illum`: must be 0 to 10"),
         ("Kd 1 1 1\n", "mtl:1: `Kd`: stands before any `newmtl`"),

@@ -255,6 +255,25 @@ fn a_picture_that_was_cut_short_says_so() {
     assert!((found - told).abs() < 1e-12);
 }
 
+/// With a search of the whole box, and with lamps to be placed, one pass of each is made as well, and the limit
+/// that is named is the one that was given.
+#[test]
+fn a_limit_leaves_one_pass_of_everything() {
+    for more in [&["--global"][..], &["--lamps", "2"]] {
+        let room = Room::new();
+        let run = ["run", "room.obj", "--out", "a", "--time-limit", "0.5", "--tolerance", "1e-5", "--json"];
+        let sizes =
+            ["--work-size", "24x18", "--size", "48x36", "--final-spp", "1000000", "--final-noise", "0"];
+        let out = room.succeed(&[&run[..], &sizes, more].concat());
+        let json: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        let caution = json["caution"].as_str().unwrap();
+        assert!(caution.contains("the time limit of 0.5 s was too short"), "{more:?}: {caution}");
+        let record: toml::Table = fs::read_to_string(room.path("a/run.toml")).unwrap().parse().unwrap();
+        assert_eq!(record["options"]["time_limit"].as_float(), Some(0.5));
+        all_is_whole(&room.path("a"));
+    }
+}
+
 /// Error and samples that would take hours: where they are asked for, only the limit ends a run.
 #[test]
 fn a_limit_ends_a_run_that_asks_for_more_than_fits_and_what_is_lacking_is_said() {

@@ -119,7 +119,8 @@ impl Runner<'_> {
         let loaded = load_scene(&path, &self.confinement.options(), |w| self.console.note(w))?;
         let Loaded { scene, constraints, .. } = &loaded;
         let authored = Lighting::authored(scene);
-        let subject = Subject { scene, path: &path, authored: &authored, constraints, rig: None };
+        let subject =
+            Subject { scene, path: &path, authored: &authored, constraints, rig: None, time_left: None };
         let reports =
             design::run(subject, options, self.console).with_context(|| path.display().to_string())?;
         stop_if_interrupted(self.console, self.out)?;

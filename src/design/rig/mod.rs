@@ -30,7 +30,7 @@ use self::{
     carrier::{Carrier, Commission},
     choose::{Choice, Chooser},
 };
-use super::{Reporter, RunError};
+use super::{Reporter, RunError, deadline::Deadline};
 use crate::{
     audit::{
         lights::LightsFile,
@@ -102,7 +102,12 @@ pub struct PlacedLamp {
 ///
 /// # Errors
 /// When there is no room for a lamp, or a render fails.
-pub fn find(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<(Vec<Rig>, Scene), RunError> {
+fn find(
+    scene: Scene,
+    order: &Order,
+    deadline: Deadline,
+    reporter: &impl Reporter,
+) -> Result<(Vec<Rig>, Scene), RunError> {
     let Order { constraints, options, .. } = *order;
     let camera = scene.camera.resized(options.work_size);
     let set = Set::new(View { scene: &scene, camera: &camera }, constraints.movement);
@@ -131,18 +136,19 @@ pub fn find(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<(Ve
     let start = Lit::of_own(&company, &own.lighting);
     let (carrier, mut scene) = Carrier::render(scene, lamps, commission, reporter)?;
     reporter.stage("choosing lamps", None);
-    let mut looks = choose(&carrier, &start, order, reporter)?;
+    let is_over = || reporter.cancelled() || deadline.has_passed(Deadline::PLACING);
+    let mut looks = choose(&carrier, &start, order, &is_over, reporter)?;
     for (round, step) in STEPS.into_iter().enumerate() {
         scene = scene.with_lights(company.fixed.clone());
         let view = View { scene: &scene, camera: &camera };
         let lamps = around(&Set::new(view, constraints.movement).ok_or(RunError::NoSubject)?, &looks, step);
-        if lamps.is_empty() || reporter.cancelled() {
+        if lamps.is_empty() || is_over() {
             break;
         }
         let seed = hash_words(&[commission.seed, round as u64 + 1]);
         let carrier;
         (carrier, scene) = Carrier::render(scene, lamps, Commission { seed, ..commission }, reporter)?;
-        looks = slide(&carrier, &looks, order, reporter)?;
+        looks = slide(&carrier, &looks, order, &is_over, reporter)?;
     }
     let scene = scene.with_lights(company.fixed.clone());
     let view = View { scene: &scene, camera: &camera };
@@ -234,13 +240,13 @@ fn choose(
     carrier: &Carrier,
     start: &Lit,
     order: &Order,
+    cancelled: &(impl Fn() -> bool + Sync),
     reporter: &impl Reporter,
 ) -> Result<Vec<Lit>, RunError> {
-    let cancelled = || reporter.cancelled();
     let mut looks = Vec::new();
     for job in &order.options.jobs {
         let objectives = carrier.objectives(&job.target)?;
-        let chooser = Chooser { carrier, objectives, cancelled: &cancelled };
+        let chooser = Chooser { carrier, objectives, cancelled };
         let rigs = chooser.rigs(&start.choice(&chooser), order.most)?;
         let costs: Vec<String> = rigs
             .iter()
@@ -271,13 +277,13 @@ fn slide(
     carrier: &Carrier,
     looks: &[Lit],
     order: &Order,
+    cancelled: &(impl Fn() -> bool + Sync),
     reporter: &impl Reporter,
 ) -> Result<Vec<Lit>, RunError> {
-    let cancelled = || reporter.cancelled();
     let each = looks.iter().zip(&order.options.jobs);
     each.map(|(lit, job)| {
         let objectives = carrier.objectives(&job.target)?;
-        let chooser = Chooser { carrier, objectives, cancelled: &cancelled };
+        let chooser = Chooser { carrier, objectives, cancelled };
         let rigs = chooser.rigs(&lit.choice(&chooser), 0)?;
         let choice = rigs.first().ok_or(RunError::NoPlace)?;
         reporter.note(&format!("{}: f_q {:.3} with lamps moved by a little", job.target.name(), choice.f_q));

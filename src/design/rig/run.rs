@@ -8,7 +8,7 @@ use std::{
 use super::{SkyFile, find, sky};
 use crate::{
     audit::BASIS,
-    design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
+    design::{self, Reporter, RunError, RunOptions, RunReport, Subject, deadline::Deadline},
     light::Light,
     lighting::Lighting,
     scene::Scene,
@@ -49,11 +49,15 @@ pub struct Order<'a> {
 /// As [`find`] and [`design::run`].
 pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
+    let deadline = Deadline::new(start, order.options.time_limit);
     let lit = scene.lights.iter().zip(&order.authored.radiance);
     let lights = lit.map(|(light, &radiance)| Light { radiance: radiance as f32, ..light.clone() }).collect();
     let scene = scene.with_lights(lights);
-    let found =
-        if order.skies.is_empty() { find(scene, order, reporter) } else { sky::find(scene, order, reporter) };
+    let found = if order.skies.is_empty() {
+        find(scene, order, deadline, reporter)
+    } else {
+        sky::find(scene, order, deadline, reporter)
+    };
     let (rigs, mut scene) = found?;
     let own = scene.lights.clone();
     let mut reports = Vec::new();
@@ -62,11 +66,9 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
         scene = scene.with_lights(own.iter().cloned().chain(rig.lights()).collect());
         let authored = Lighting { exposure: order.authored.exposure, ..Lighting::authored(&scene) };
         let constraints = rig.constrained(&own, order);
-        let left = order.options.time_limit.map(|limit| limit.saturating_sub(start.elapsed()));
+        let left = deadline.left_until(1.0);
         let options = RunOptions {
             jobs: vec![job.clone()],
-            // What is left, in equal parts.
-            time_limit: left.map(|left| (left / (n - k) as u32).max(LEAST_TIME)),
             basis_file: order.options.basis_file.as_ref().map(|_| job.out.join(BASIS)),
             ..order.options.clone()
         };
@@ -76,6 +78,8 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
             authored: &authored,
             constraints: &constraints,
             rig: Some(rig),
+            // In equal parts.
+            time_left: left.map(|left| (left / (n - k) as u32).max(LEAST_TIME)),
         };
         reports.extend(design::run(subject, &options, reporter)?);
         if reporter.cancelled() {

@@ -20,6 +20,7 @@ use crate::{
     audit::placed::Placed,
     design::{
         Job, Reporter, RunError,
+        deadline::Deadline,
         render::{Budget, Renderer},
         seeds::{Purpose, seed_for},
     },
@@ -213,6 +214,7 @@ impl Lit {
 pub(super) fn find(
     scene: Scene,
     order: &Order,
+    deadline: Deadline,
     reporter: &impl Reporter,
 ) -> Result<(Vec<Rig>, Scene), RunError> {
     let Order { options, skies, .. } = *order;
@@ -234,12 +236,10 @@ pub(super) fn find(
     let all: Vec<Sky> = skies.iter().enumerate().flat_map(every).collect();
     let (carrier, mut scene) = Carrier::render(scene, all, commission.with_spp(LEAST_SPP), reporter)?;
     reporter.stage("choosing surroundings", None);
+    let is_over = || reporter.cancelled() || deadline.has_passed(Deadline::PLACING);
     let start = |carrier: &Carrier<Sky>, job: &Job| -> Result<Vec<Lit>, RunError> {
-        let chooser = Chooser {
-            carrier,
-            objectives: carrier.objectives(&job.target)?,
-            cancelled: &|| reporter.cancelled(),
-        };
+        let objectives = carrier.objectives(&job.target)?;
+        let chooser = Chooser { carrier, objectives, cancelled: &is_over };
         let own = chooser.choice((0..carrier.n_own).collect(), &own.lighting);
         let choices = chooser.with_one_more(&own, LIT)?;
         Ok(choices.iter().filter_map(|choice| Lit::new(choice, carrier)).collect())
@@ -247,7 +247,7 @@ pub(super) fn find(
     let first = options.jobs.iter().map(|job| Ok(distinct(start(&carrier, job)?)));
     let mut looks: Vec<Vec<Lit>> = first.collect::<Result<_, RunError>>()?;
     for (round, step) in STEPS.into_iter().enumerate() {
-        if reporter.cancelled() {
+        if is_over() {
             break;
         }
         let seed = hash_words(&[commission.seed, round as u64 + 1]);
@@ -259,14 +259,14 @@ pub(super) fn find(
             reporter,
         )?;
         for (look, job) in looks.iter_mut().zip(&options.jobs) {
-            *look = turned(&carrier, look, step, job, reporter)?;
+            *look = turned(&carrier, look, step, job, &is_over)?;
         }
     }
     let names: Vec<String> = fixed.iter().map(|light| light.name.clone()).collect();
     let name = unused_name("environment", &names);
     let mut rigs = Vec::new();
     for (look, job) in looks.iter().zip(&options.jobs) {
-        let checked = Checker { order, fixed: &fixed, name: &name, job };
+        let checked = Checker { order, deadline, fixed: &fixed, name: &name, job };
         let sky;
         (sky, scene) = checked.best(look, scene, reporter)?;
         rigs.push(Rig { sky: Some(sky), ..Rig::empty(order, ground.clone()) });
@@ -321,10 +321,10 @@ fn turned(
     look: &[Lit],
     step: f32,
     job: &Job,
-    reporter: &impl Reporter,
+    cancelled: &(impl Fn() -> bool + Sync),
 ) -> Result<Vec<Lit>, RunError> {
     let objectives = carrier.objectives(&job.target)?;
-    let chooser = Chooser { carrier, objectives, cancelled: &|| reporter.cancelled() };
+    let chooser = Chooser { carrier, objectives, cancelled };
     let mut best = Vec::new();
     for lit in look {
         let mut ends = Vec::new();
@@ -343,6 +343,7 @@ fn turned(
 /// Renders of the candidates of a look, with their maps as they are.
 struct Checker<'a> {
     order: &'a Order<'a>,
+    deadline: Deadline,
     /// Lights of the scene that stay.
     fixed: &'a [Light],
     /// Name of the light.
@@ -361,7 +362,8 @@ impl Checker<'_> {
         let mut best: Option<(f64, PlacedSky)> = None;
         let mut ranking = Vec::new();
         for (k, lit) in look.iter().enumerate() {
-            if reporter.cancelled() && best.is_some() {
+            let is_over = reporter.cancelled() || self.deadline.has_passed(Deadline::SEARCH);
+            if is_over && best.is_some() {
                 break;
             }
             reporter.stage(&format!("rendering surroundings {} of {}", k + 1, look.len()), None);

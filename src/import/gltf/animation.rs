@@ -135,6 +135,14 @@ pub fn pose(file: &mut File, warnings: &mut Warnings) {
             }
         }
     }
+    for (i, animation) in file.animations.iter().enumerate() {
+        if moves_shapes(file, i, animation) {
+            let name = animation.name.clone().unwrap_or_else(|| i.to_string());
+            let message =
+                "the weights of its shape keys are the file's own, from which its first frame differs";
+            warnings.about("animation", &name, message.into());
+        }
+    }
     for (index, keys) in posed {
         file.places[index] = keys.exact(&file.places[index]);
         let node = &mut file.root.nodes[index];
@@ -174,6 +182,31 @@ fn first_frame(
         }
     }
     Ok(frame)
+}
+
+/// Whether the first keys of an animation give a mesh other weights of its morph targets than it has.
+fn moves_shapes(file: &File, index: usize, animation: &Animation) -> bool {
+    animation.channels.iter().enumerate().any(|(i, channel)| {
+        let node = channel.target.node.and_then(|id| file.root.nodes.get(id));
+        let Some(mesh) = node.and_then(|node| node.mesh) else { return false };
+        if channel.target.path != "weights" {
+            return false;
+        }
+        let key = format!("animations[{index}].channels[{i}].sampler");
+        let Some(sampler) = animation.samplers.get(channel.sampler) else { return false };
+        let Ok(values) = file.elements::<1>(&key, Index::<Accessor>::new(sampler.output)) else {
+            return false;
+        };
+        let mesh = file.root.meshes.get(mesh.value());
+        let n = mesh.and_then(|m| m.primitives.first()?.targets.as_ref()).map_or(0, Vec::len);
+        let own = node.and_then(|node| node.weights.as_ref()).or_else(|| mesh?.weights.as_ref());
+        let place = if sampler.interpolation.as_deref() == Some("CUBICSPLINE") { n } else { 0 };
+        let first = values.iter().skip(place).take(n);
+        first.enumerate().any(|(k, [weight])| {
+            let own = own.and_then(|own| own.get(k)).copied().unwrap_or(0.0);
+            (own - *weight as f32).abs() > TOLERANCE
+        })
+    })
 }
 
 /// The first value of a sampler; `None` where it has none.
