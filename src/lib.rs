@@ -39,7 +39,7 @@
 //! | [`import`] | scene files: OBJ, MTL, glTF, sidecar; staging |
 //! | [`photo`] | photographs as looks, signatures learned from them |
 //! | [`optim`] | NLopt's searches, finite differences |
-//! | [`export`] | lit scenes for other renderers |
+//! | [`export`] | lit scenes for other renderers and modelling programs |
 //! | [`audit`] | the run directory, `lights.toml`, what a stored basis says of itself, what an unfinished command has made |
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |

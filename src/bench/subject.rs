@@ -138,7 +138,7 @@ impl Subject {
     pub fn export(&self, size: UVec2, directory: &Path) -> Result<(PathBuf, Vec<String>), BenchError> {
         let camera = self.camera(size);
         let view = View { scene: &self.scene, camera: &camera };
-        let job = ExportJob { view, lighting: &self.lighting, max_depth: Integrator::default().max_depth };
+        let job = ExportJob::new(view, &self.lighting, Integrator::default().max_depth);
         let exported = Mitsuba.write(&job, directory)?;
         Ok((Mitsuba.entry_point(directory), exported.warnings))
     }

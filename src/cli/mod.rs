@@ -12,6 +12,7 @@ pub mod learn;
 pub mod map;
 mod output;
 mod progress;
+mod recorded;
 pub mod relight;
 pub mod render;
 mod resume;

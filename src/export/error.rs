@@ -17,6 +17,16 @@ pub enum ExportError {
         /// The property that the format lacks, and what the user can do instead.
         what: &'static str,
     },
+    /// The file to write has another ending than the format's files.
+    #[error("{path}: {format} is written to a file that ends in .{ending}", path = path.display())]
+    Ending {
+        /// Path that was given.
+        path: PathBuf,
+        /// Name of the format, as a user knows it.
+        format: &'static str,
+        /// What the name must end in, without the dot.
+        ending: &'static str,
+    },
     /// The directory to export to does not exist and cannot be made.
     #[error("{path}: cannot make the directory", path = path.display())]
     Directory {

@@ -1,11 +1,15 @@
 //! The scene to export and the lighting it is exported with.
 
+use std::path::Path;
+
+use glam::{DVec3, Vec3};
+
 use crate::{
     camera::Camera,
     integrator::View,
-    light::Light,
+    light::{Light, Shape},
     lighting::Lighting,
-    math::Rgb,
+    math::{Frame, Rgb, ViewTransform},
     scene::{Material, Scene},
 };
 
@@ -14,18 +18,58 @@ use crate::{
 pub struct ExportJob<'a> {
     /// The scene and the camera.
     pub view: View<'a>,
-    /// The radiances and sizes of the lights, and the background's value.
+    /// The radiances and sizes of the lights, the background's value and the exposure.
     pub lighting: &'a Lighting,
     /// Number of edges of the longest light path after the camera; 1 shows emitters alone.
     pub max_depth: usize,
+    /// The view transform through which the picture is seen.
+    pub display: ViewTransform,
+    /// What the user chose of what some formats offer.
+    pub options: ExportOptions<'a>,
+}
+
+/// What some formats offer; [`Exporter::offers`](super::Exporter::offers) says which do.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ExportOptions<'a> {
+    /// Whether every light has a body that stops rays, for integrators that know no others.
+    pub blocking: bool,
+    /// Whether radiances are written as luminances, 683 lm a watt.
+    pub photometric: bool,
+    /// The scene file where the geometry is written too, or is to be read by the other program; `None` for
+    /// the lights, the camera and what else is laid over a scene that the other program has.
+    pub whole: Option<&'a Path>,
+}
+
+/// A rigid place of a thing that looks along its -z, as lamps and cameras of other programs do.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pose {
+    /// Unit vectors of the thing's x, y and z.
+    pub axes: [Vec3; 3],
+    /// Its place in the coordinates of the scene file, metres.
+    pub at: DVec3,
+}
+
+impl Pose {
+    /// The place of a light with this frame, which shines along its normal.
+    fn of_light(frame: Frame, at: DVec3) -> Self {
+        Self { axes: [-frame.s, frame.t, -frame.n], at }
+    }
+
+    /// The place of a camera.
+    pub(super) fn of_camera(c: &Camera, origin: DVec3) -> Self {
+        let z = -c.forward();
+        Self { axes: [c.up().cross(z), c.up(), z], at: c.position.as_dvec3() + origin }
+    }
 }
 
 /// A light with the radiance and the size that the lighting gives it.
 #[derive(Clone, Copy, Debug)]
 pub struct LitLight<'a> {
-    /// The light: name, shape at unit size, colour.
+    /// The light: name, shape at unit size.
     pub light: &'a Light,
-    /// Radiance per unit of the light's colour, W·m⁻²·sr⁻¹ (a point light's intensity,
+    /// Linear Rec.709 colour of luminance 1.
+    pub color: Rgb,
+    /// Radiance per unit of the colour, W·m⁻²·sr⁻¹ (a point light's intensity,
     /// W·sr⁻¹; a distant light's irradiance, W·m⁻²).
     pub radiance: f32,
     /// Factor on the extents of the light's shape.
@@ -33,6 +77,18 @@ pub struct LitLight<'a> {
 }
 
 impl<'a> ExportJob<'a> {
+    /// A job with the light as it is and no options.
+    #[must_use]
+    pub fn new(view: View<'a>, lighting: &'a Lighting, max_depth: usize) -> Self {
+        Self {
+            view,
+            lighting,
+            max_depth,
+            display: ViewTransform::default(),
+            options: ExportOptions::default(),
+        }
+    }
+
     /// The scene: geometry, materials and lights.
     #[must_use]
     pub fn scene(&self) -> &'a Scene {
@@ -50,6 +106,7 @@ impl<'a> ExportJob<'a> {
         let settings = self.lighting.radiance.iter().zip(&self.lighting.size);
         let lit = |(light, (&radiance, &size)): (&'a Light, (&f64, &f64))| LitLight {
             light,
+            color: light.color,
             radiance: radiance as f32,
             size: size as f32,
         };
@@ -71,6 +128,27 @@ impl<'a> ExportJob<'a> {
 }
 
 impl LitLight<'_> {
+    /// Where the light is and whither it shines, in the coordinates of the scene file; `None` for an
+    /// environment and an emissive mesh.
+    pub(super) fn pose(&self, origin: DVec3) -> Option<Pose> {
+        let at = |p: Vec3| p.as_dvec3() + origin;
+        match &self.light.shape {
+            Shape::Planar(p) => Some(Pose::of_light(p.frame, at(p.center))),
+            Shape::Sphere(s) => Some(Pose::of_light(Frame::from_normal(Vec3::NEG_Y), at(s.center))),
+            Shape::Point(p) => {
+                let axis = p.cone.map_or(Vec3::NEG_Y, |(axis, _)| axis);
+                Some(Pose::of_light(Frame::from_normal(axis), at(p.position)))
+            }
+            Shape::Distant(d) => Some(Pose::of_light(Frame::from_normal(d.direction), DVec3::ZERO)),
+            Shape::Environment(_) | Shape::Mesh(_) => None,
+        }
+    }
+
+    /// Whether the light emits nothing, so that it is left out.
+    pub(super) fn is_dark(&self) -> bool {
+        self.rgb() == Rgb::ZERO || (self.light.has_size() && self.size <= 0.0)
+    }
+
     /// Whether the light emits at all.
     #[must_use]
     pub fn shines(&self) -> bool {
@@ -80,6 +158,6 @@ impl LitLight<'_> {
     /// Radiance of each colour channel, in the unit of [`Self::radiance`].
     #[must_use]
     pub fn rgb(&self) -> Rgb {
-        self.light.color * self.radiance
+        self.color * self.radiance
     }
 }

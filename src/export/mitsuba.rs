@@ -25,7 +25,7 @@
 //! | normal map, bump map | `normalmap`, `bumpmap` without flipping and shadowing; the back has its own, tilted the other way | exact; glass, mirrored images and bumps stretched unevenly only nearly |
 //! | texture | linear float EXR with the tint multiplied in; `raw`, bilinear, repeat, `to_uv` | exact |
 //! | rectangle, disk, sphere | same shape, `area` emitter, `null` BSDF | exact |
-//! | body that stops light | the same with a black `diffuse` | exact |
+//! | body that stops light, with `--path` every rectangle, disk and sphere | the same with a black `diffuse` | exact |
 //! | emissive mesh, flat | `area` emitter of its mesh | exact |
 //! | emissive mesh, smooth or two-sided | its mesh moved back by a hair, before it one that emits with face normals and `null` BSDF | exact but for that hair |
 //! | emission from an image | `area` with a bitmap | only if each texel is used once: a warning says so |
@@ -58,14 +58,16 @@ use glam::Vec2;
 
 pub use self::materials::compensation;
 use self::{
+    lights::is_unseen,
     materials::Compensations,
     xml::{boolean, element, empty, float, indented, integer, list, null, plain, property, string, to_world},
 };
-use super::{ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part};
+use super::{ExportError, ExportJob, Exported, Exporter, LitLight, Offer, directory::Directory, ply::Part};
 use glam::DVec3;
 
 use crate::{
     camera::Camera,
+    light::{Light, Shape},
     math::{Rgb, luminance},
     scene::{Material, material::Model},
 };
@@ -106,6 +108,10 @@ impl Exporter for Mitsuba {
         out.join(SCENE_FILE)
     }
 
+    fn offers(&self, option: Offer) -> bool {
+        option == Offer::Blocking
+    }
+
     fn write(&self, job: &ExportJob, out: &Path) -> Result<Exported, ExportError> {
         let hide_emitters = lights::hide_emitters(job)?;
         lights::check(&job.scene().lights)?;
@@ -126,6 +132,7 @@ impl Exporter for Mitsuba {
         }
         writer.warn_of_lost_caustics();
         writer.warn_of_lost_light();
+        writer.warn_of_bodies();
         writer.finish()
     }
 }
@@ -220,11 +227,13 @@ impl Writer<'_> {
         let is_smooth = |m: &Material| m.alpha().is_none() && m.model() != Model::Diffuse;
         let smooth = scene.materials.iter().enumerate().find(|(i, m)| is_smooth(m) && used(*i));
         if let Some((_, m)) = smooth
-            && let Some(l) = self.job.lights().find(|l| lights::is_unseen(l.light) && l.shines())
+            && let Some(l) = self.job.lights().find(|l| is_unseen(l.light) && l.shines())
         {
             self.warnings.push(format!(
-                "light `{}`: Mitsuba's volpath misses what the smooth material `{}` throws on from it",
-                l.light.name, m.name
+                "light `{}`: Mitsuba's {} misses what the smooth material `{}` throws on from it",
+                l.light.name,
+                self.integrator(),
+                m.name
             ));
         }
     }
@@ -257,11 +266,58 @@ impl Writer<'_> {
         ));
     }
 
+    /// Name of the integrator.
+    fn integrator(&self) -> &'static str {
+        if self.job.options.blocking { "path" } else { "volpath" }
+    }
+
+    /// Which lights stop rays, in words.
+    fn bodies(&self) -> String {
+        let stops = |l: &LitLight| self.stops_rays(l.light);
+        let may_stop = |l: &LitLight| matches!(l.light.shape, Shape::Planar(_) | Shape::Sphere(_));
+        let passed = || self.job.lights().filter(|l| may_stop(l) && !is_unseen(l.light) && !stops(l));
+        let solid: Vec<_> = self.job.lights().filter(stops).map(|l| plain(&l.light.name)).collect();
+        match (solid.is_empty(), passed().next().is_some()) {
+            (true, false) => "No light has a surface that rays could meet.".to_owned(),
+            (true, true) => "Lights do not block: volpath passes through their null surfaces.".to_owned(),
+            (false, false) => "All lights with a surface are black bodies that stop rays.".to_owned(),
+            (false, true) => format!(
+                "Black bodies that stop rays: {}. Other lights do not block: volpath passes through their null \
+                 surfaces.",
+                // Two hyphens would end a comment.
+                solid.join(", ").replace("--", "__")
+            ),
+        }
+    }
+
+    /// Whether a light becomes a black body.
+    fn stops_rays(&self, l: &Light) -> bool {
+        let has_surface = matches!(l.shape, Shape::Planar(_) | Shape::Sphere(_)) && !is_unseen(l);
+        l.occludes || self.job.options.blocking && has_surface
+    }
+
+    /// What `path` shows differently from `volpath`.
+    fn warn_of_bodies(&mut self) {
+        if !self.job.options.blocking {
+            return;
+        }
+        let changed: Vec<_> = self
+            .job
+            .lights()
+            .filter(|l| self.stops_rays(l.light) && !l.light.occludes)
+            .map(|l| format!("`{}`", l.light.name))
+            .collect();
+        if !changed.is_empty() {
+            self.warnings
+                .push(format!("lights {} stop rays in this export; here they do not", changed.join(", ")));
+        }
+    }
+
     /// Writes the scene description.
     fn finish(mut self) -> Result<Exported, ExportError> {
         let integrator = element(
             "integrator",
-            "volpath",
+            self.integrator(),
             &(integer("max_depth", self.job.max_depth) + &boolean("hide_emitters", self.hide_emitters)),
         );
         let origin = self.job.scene().origin;
@@ -274,9 +330,9 @@ impl Writer<'_> {
         };
         let text = format!(
             "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<scene version=\"3.0.0\">\n\
-             {place}{}    <!-- Lights do not block: volpath passes through their null surfaces. -->\n\
-             {}{}{}</scene>\n",
+             {place}{}    <!-- {} -->\n{}{}{}</scene>\n",
             indented(&property("default", "spp", 64)),
+            self.bodies(),
             indented(&integrator),
             indented(&sensor(self.job.camera())?),
             self.elements

@@ -1,15 +1,20 @@
-//! Export of lit scenes to the formats of other programs.
+//! Export of lit scenes to the formats of other renderers and modelling programs.
 //!
 //! Every format is one [`Exporter`] in a module of its own, and a line in
 //! [`EXPORTERS`]. The command line takes names and help texts from that table, so a
 //! new format touches no other file. A format reads the scene through an
 //! [`ExportJob`], which says how bright and how large each light is.
 
+pub mod blender;
 mod directory;
 mod error;
+pub mod gltf;
 mod job;
 pub mod mitsuba;
+pub mod pbrt;
 mod ply;
+mod sheet;
+pub mod usd;
 
 use std::{
     fmt,
@@ -17,10 +22,22 @@ use std::{
 };
 
 pub use error::ExportError;
-pub use job::{ExportJob, LitLight};
+pub use job::{ExportJob, ExportOptions, LitLight};
 
 /// All exporters, in the order in which the help lists them.
-pub const EXPORTERS: [&dyn Exporter; 1] = [&mitsuba::Mitsuba];
+pub const EXPORTERS: [&dyn Exporter; 5] =
+    [&mitsuba::Mitsuba, &blender::Blender, &usd::Usd, &pbrt::Pbrt, &gltf::Gltf];
+
+/// An option that only some formats have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Offer {
+    /// Lights that stop rays, for a path tracer that knows no others.
+    Blocking,
+    /// Luminances in the place of radiances.
+    Photometric,
+    /// The whole scene in the place of what is laid over it.
+    Whole,
+}
 
 /// A format that a lit scene can be written in.
 pub trait Exporter: fmt::Debug + Send + Sync {
@@ -35,6 +52,11 @@ pub trait Exporter: fmt::Debug + Send + Sync {
 
     /// The file to open in the other program after an export to `out`.
     fn entry_point(&self, out: &Path) -> PathBuf;
+
+    /// Whether the format has an option.
+    fn offers(&self, _option: Offer) -> bool {
+        false
+    }
 
     /// Writes the scene to `out`: a directory, made if it is not there, or a file, as the
     /// format needs. The entry point comes last, so that an export cut short has none.

@@ -115,6 +115,16 @@ impl Part {
         Self { triangles: self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..self }
     }
 
+    /// Position (metres), unit normal and texture coordinates (v up) of each vertex.
+    pub(super) fn vertices(&self) -> &[(Vec3, Vec3, Vec2)] {
+        &self.vertices
+    }
+
+    /// Indices of the corners of each triangle, anticlockwise seen from the front.
+    pub(super) fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
     /// Whether no triangle has the material.
     pub(super) fn is_empty(&self) -> bool {
         self.triangles.is_empty()

@@ -298,7 +298,8 @@ fn a_staged_scene_with_a_surface_that_shines_is_exported() {
 fn write(directory: &Path) -> Result<Exported, ExportError> {
     let scene = import::load(&directory.join("s.obj")).unwrap().scene;
     let view = View { scene: &scene, camera: &scene.camera };
-    let job = ExportJob { view, lighting: &Lighting::authored(&scene), max_depth: 8 };
+    let lighting = Lighting::authored(&scene);
+    let job = ExportJob::new(view, &lighting, 8);
     export::by_name("mitsuba").unwrap().write(&job, &directory.join("out"))
 }
 

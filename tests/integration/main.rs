@@ -7,6 +7,7 @@ mod basis;
 mod bench;
 mod denoise;
 mod evaluate;
+mod exchange;
 mod export;
 mod exporters;
 mod exr_bytes;

@@ -94,7 +94,7 @@ impl Writer<'_> {
     /// ray is left out.
     pub(super) fn light(&mut self, l: &LitLight) -> Result<(), ExportError> {
         let radiance = l.rgb();
-        if !l.light.occludes && (l.size <= 0.0 || radiance == Rgb::ZERO) {
+        if !l.light.occludes && l.is_dark() {
             return Ok(());
         }
         match &l.light.shape {
@@ -163,11 +163,11 @@ impl Writer<'_> {
         let emitter =
             if l.rgb() == Rgb::ZERO { String::new() } else { area_emitter(&rgb("radiance", l.rgb())) };
         let black = inline("bsdf", "diffuse", &property("rgb", "reflectance", 0));
-        let hide = self.hide_emitters;
+        let (stops, hide) = (self.stops_rays(l.light), self.hide_emitters);
         let mut put = |distance: f32, bsdf: &str, emitter: &str| {
             self.put(&element("shape", shape, &(place(distance) + bsdf + emitter)));
         };
-        match (l.light.occludes, hide) {
+        match (stops, hide) {
             (false, _) => put(0.0, &null(), &emitter),
             (true, false) => put(0.0, &black, &emitter),
             // Mitsuba hides the body with the light; ours stays, black.
@@ -199,7 +199,7 @@ impl Writer<'_> {
         } else {
             s.material.opacity(Vec2::ZERO)
         };
-        let radiance = l.light.color * (l.radiance * opacity);
+        let radiance = l.color * (l.radiance * opacity);
         let emitted = match s.material.emission_texture() {
             None => rgb("radiance", radiance),
             Some(image) => {

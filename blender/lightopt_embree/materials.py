@@ -1,0 +1,141 @@
+"""Materials: what Blender's glTF exporter loses of them, and stand-ins for what it would drop.
+
+The exporter knows the Principled BSDF. Of another shader it writes a white material; while it works, such a
+material shows a Principled BSDF of the same colour, so that images and normal maps come along, and the sidecar
+says what it is.
+"""
+
+from contextlib import contextmanager
+
+from . import setter
+
+# Inputs of the Principled BSDF that have no counterpart, with the value at which they do nothing.
+UNKNOWN = {
+    "Subsurface Weight": "subsurface scattering", "Sheen Weight": "sheen", "Coat Weight": "its coat",
+    "Anisotropic": "anisotropy", "Thin Film Thickness": "its thin film", "Diffuse Roughness": "diffuse roughness",
+}
+
+
+def output(material):
+    tree = material.node_tree
+    return tree and next((n for n in tree.nodes if n.type == "OUTPUT_MATERIAL" and n.is_active_output), None)
+
+
+def shader_of(material):
+    """The shader of a material's surface; None without one."""
+    out = output(material)
+    if out is None or not out.inputs["Surface"].is_linked:
+        return None
+    return out.inputs["Surface"].links[0].from_node
+
+
+def color(socket):
+    return [float(c) for c in list(socket.default_value)[:3]]
+
+
+def number(node, name):
+    """The number of an input; None where an image decides."""
+    socket = node.inputs.get(name)
+    return None if socket is None or socket.is_linked else float(socket.default_value)
+
+
+def as_schlick(f0, tint):
+    """Reflectance at normal incidence of a metal after Schlick that is as bright under a white sky as one of
+    reflectance `f0` whose reflectance at 82 degrees is `tint` times Schlick's.
+
+    That is F(c) = S(c) - b c (1 - c)^6, with b from the cosine 1/7; its mean is that of S less b 2 B(3, 7)."""
+    c = 1.0 / 7.0
+    schlick = f0 + (1.0 - f0) * (1.0 - c) ** 5
+    b = schlick * (1.0 - tint) / (c * (1.0 - c) ** 6)
+    mean = f0 + (1.0 - f0) / 21.0 - b / 126.0
+    return min(max((21.0 * mean - 1.0) / 20.0, 0.0), 1.0)
+
+
+def described(material):
+    """What the sidecar says of a material, and what of it is not carried."""
+    node, lost = shader_of(material), []
+    out = output(material)
+    if out is not None and out.inputs["Volume"].is_linked:
+        lost.append("its volume")
+    if out is not None and out.inputs["Displacement"].is_linked:
+        lost.append("displacement")
+    if node is None:
+        return {}, lost + (["a surface without a shader"] if getattr(material, "use_nodes", True) else [])
+    roughness = number(node, "Roughness")
+    known = {
+        "BSDF_DIFFUSE": lambda: {"model": "diffuse"},
+        "BSDF_GLOSSY": lambda: {"model": "conductor", "roughness": roughness},
+        "BSDF_METALLIC": lambda: {"model": "conductor", "roughness": roughness},
+        "BSDF_GLASS": lambda: {"model": "dielectric", "roughness": roughness, "ior": number(node, "IOR")},
+        "EMISSION": lambda: {"model": "diffuse", "base_color": [0.0, 0.0, 0.0]},
+    }
+    if node.type == "BSDF_PRINCIPLED":
+        for name, words in UNKNOWN.items():
+            if node.inputs.get(name) is not None and (node.inputs[name].is_linked or number(node, name) > 1e-6):
+                lost.append(words)
+        ior = number(node, "IOR")
+        return ({"ior": min(max(ior, 1.001), 4.0)} if ior is not None and number(node, "Metallic") != 1.0 else {}), lost
+    if node.type not in known:
+        return {}, lost + [f"its shader ({node.bl_label})"]
+    table = known[node.type]()
+    socket = setter.COLORED.get(node.type)
+    if socket and not node.inputs[socket].is_linked:
+        table["base_color"] = [min(max(c, 0.0), 1.0) for c in color(node.inputs[socket])]
+    if node.type == "BSDF_METALLIC" and node.fresnel_type != "F82":
+        lost.append("its conductor by index and extinction")
+    elif node.type == "BSDF_METALLIC":
+        edge = color(node.inputs["Edge Tint"])
+        if "base_color" in table:
+            table["base_color"] = [as_schlick(f, e) for f, e in zip(table["base_color"], edge)]
+        if node.inputs["Edge Tint"].is_linked or min(edge) < 0.99:
+            lost.append("its edge tint: as bright as a whole")
+    if node.type == "BSDF_DIFFUSE" and number(node, "Roughness"):
+        lost.append("roughness of the diffuse shader")
+    if node.type == "BSDF_GLASS" and min(color(node.inputs["Color"])) < 0.99:
+        lost.append("the tint of its glass")
+    if node.type == "EMISSION" and not any(s.is_linked for s in node.inputs):
+        table["emission"] = [c * number(node, "Strength") for c in color(node.inputs["Color"])]
+    return {k: v for k, v in table.items() if v is not None}, lost
+
+
+@contextmanager
+def stand_ins(materials):
+    """While it is open, shaders that the exporter does not know are Principled ones of the same colour."""
+    added = []
+    try:
+        for material in materials:
+            node = shader_of(material)
+            if node is None or node.type == "BSDF_PRINCIPLED" or material.library:
+                continue
+            tree, out = material.node_tree, output(material)
+            stand_in = tree.nodes.new("ShaderNodeBsdfPrincipled")
+            added.append((tree, node, stand_in, out, out.inputs["Surface"].links[0].from_socket))
+            pairs = [("Color", "Base Color"), ("Base Color", "Base Color"), ("Roughness", "Roughness"), ("Normal", "Normal")]
+            if node.type == "EMISSION":
+                pairs = [("Color", "Emission Color"), ("Strength", "Emission Strength")]
+                stand_in.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+            for theirs, own in pairs:
+                source = node.inputs.get(theirs)
+                if source is None:
+                    continue
+                if source.is_linked:
+                    tree.links.new(source.links[0].from_socket, stand_in.inputs[own])
+                elif own != "Normal":
+                    stand_in.inputs[own].default_value = source.default_value
+            stand_in.inputs["Metallic"].default_value = 1.0 if node.type in {"BSDF_GLOSSY", "BSDF_METALLIC"} else 0.0
+            tree.links.new(stand_in.outputs[0], out.inputs["Surface"])
+        yield
+    finally:
+        for tree, _, stand_in, out, source in added:
+            tree.links.new(source, out.inputs["Surface"])
+            tree.nodes.remove(stand_in)
+
+
+def has_value(material):
+    """Whether the background's value can scale the material: it has a colour, is not black and no glass."""
+    node, socket = setter.colored(material)
+    if node is None or node.type == "BSDF_GLASS":
+        return False
+    if node.type == "BSDF_PRINCIPLED" and (number(node, "Transmission Weight") or 0.0) >= 0.5:
+        return False
+    return socket.is_linked or max(color(socket)) > 0.0
