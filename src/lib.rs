@@ -100,6 +100,8 @@
 //!   Graphics*, SIGGRAPH 1995.
 //! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
 //!   88-28, 1988.
+//! - \[Krystek85\] M. Krystek, *An algorithm to calculate correlated colour temperature*, Color Research and
+//!   Application 10(1), 1985.
 //! - \[Kulla17\] C. Kulla, A. Conty, *Revisiting Physically Based Shading at Imageworks*,
 //!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2017.
 //! - \[Lagarde14\] S. Lagarde, C. de Rousiers, *Moving Frostbite to Physically Based Rendering*,
@@ -125,6 +127,7 @@
 //!   2016.
 //! - \[PBRT4\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 4th ed.,
 //!   2023.
+//! - \[Ohno14\] Y. Ohno, *Practical Use and Calculation of CCT and Duv*, LEUKOS 10(1), 2014.
 //! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*,
 //!   Pacific Graphics short papers, 2014.
 //! - \[Peyre19\] G. Peyré, M. Cuturi, *Computational Optimal Transport*, Found. Trends Mach.

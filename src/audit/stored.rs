@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     integrator::aov::{Aovs, Features},
     lighting::Lighting,
-    math::{Measure, ViewTransform, display::LuminanceMode},
+    math::{Measure, Rgb, ViewTransform, display::LuminanceMode},
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
-    transport::TransportBasis,
+    transport::{Layout, TransportBasis},
     variables::{ParamVector, Scale, Tie, Variable, VariableKind},
 };
 
@@ -36,6 +36,9 @@ pub struct About {
     /// Radiances that follow others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<Tie>,
+    /// Whether each light is recorded white and with its colour, so that it may be seen in any; empty where none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub white: Vec<bool>,
     /// What the camera sees, by which pictures are denoised; `None` in bases of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub features: Option<StoredFeatures>,
@@ -133,6 +136,7 @@ impl About {
                 })
                 .collect(),
             ties: variables.ties.clone(),
+            white: Vec::new(),
             features: None,
         }
     }
@@ -143,9 +147,22 @@ impl About {
         let layout = basis.layout();
         let n = layout.lights.len();
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
+            && [0, n].contains(&self.fixed.color.len())
+            && [0, n].contains(&self.white.len())
+            && (self.white.is_empty() || layout.planes > 1)
             && self.mask.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(layout.n_pixels())
             && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
             && self.ties.iter().all(|t| t.light < n && t.leader < n && t.factor.is_finite())
+    }
+
+    /// The same description, of a basis with the colour of its replicates, in which lights that are recorded white
+    /// may be seen in any colour.
+    #[must_use]
+    pub fn with_colors(self, scene: &Scene, layout: &Layout) -> Self {
+        if layout.planes == 1 {
+            return self;
+        }
+        Self { white: scene.lights.iter().map(|light| light.color == Rgb::ONE).collect(), ..self }
     }
 
     /// Measure of luminance of the run that rendered the basis.
@@ -192,7 +209,7 @@ impl About {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::{Layout, SizeBins, ValueNodes};
+    use crate::transport::{SizeBins, ValueNodes};
 
     #[test]
     fn features_come_back_exactly_and_those_of_another_size_do_not() {
@@ -215,7 +232,8 @@ mod tests {
     fn a_mask_whose_lengths_wrap_around_does_not_fit() {
         let layout = Layout::new((3, 2).into(), vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 1));
         let basis = TransportBasis::new(layout, 1);
-        let fixed = Lighting { radiance: vec![1.0], size: vec![1.0], value: 1.0, exposure: 1.0 };
+        let fixed =
+            Lighting { radiance: vec![1.0], size: vec![1.0], value: 1.0, exposure: 1.0, color: Vec::new() };
         let about = |mask: &[usize]| About {
             scene: String::new(),
             lights: vec!["key".into()],
@@ -225,6 +243,7 @@ mod tests {
             mask: mask.into(),
             variables: Vec::new(),
             ties: Vec::new(),
+            white: Vec::new(),
             features: None,
         };
         assert!(about(&[2, 4]).fits(&basis));

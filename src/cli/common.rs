@@ -25,7 +25,7 @@ use crate::{
     picture::Note,
     sampler::SamplerKind,
     scene::Scene,
-    variables::{KINDS, VariableKind, Wishes},
+    variables::{VariableKind, Wishes},
 };
 
 /// Options of light transport.
@@ -402,7 +402,8 @@ pub fn load_lit_scene(
         return Ok((loaded, lighting, None));
     };
     let file = LightsFile::load(lights)?;
-    let loaded = load_any_scene(path, &file.load_options(options), say)?;
+    let mut loaded = load_any_scene(path, &file.load_options(options), say)?;
+    file.record_white(&mut loaded.scene);
     let mut lighting = authored(&loaded.scene, None);
     file.apply(&loaded.scene, &mut lighting, lights)?;
     lighting.exposure = exposed(exposure).unwrap_or(lighting.exposure);
@@ -423,7 +424,7 @@ fn exposed(exposure: Option<f64>) -> Option<f64> {
 
 /// Parses a kind of variable.
 pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
-    let possible = KINDS.map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
+    let possible = VariableKind::words().map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
     let parser = PossibleValuesParser::new(possible);
     parser.try_map(|word| VariableKind::named(&word).ok_or("no such kind of variable"))
 }

@@ -34,6 +34,7 @@ use crate::{
         rig::{self, Order},
     },
     import::{self, LoadOptions, Loaded},
+    lighting::Lighting,
     math::Measure,
     photo::Look,
     variables::{FreeKinds, VariableKind},
@@ -291,11 +292,18 @@ fn work(
         let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
         let loaded = load_any_scene(args.scene(), &load, |w| console.note(w))?;
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
-        let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
+        let Loaded { mut scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
         let mut authored = authored(&scene, args.exposure);
         let wishes = args.ties.wishes(&wishes);
         wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
+        let free = args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds);
+        for (light, constraints) in scene.lights.iter_mut().zip(&constraints.lights) {
+            if free.intersection(&constraints.free).0.iter().any(|kind| kind.is_of_color()) {
+                light.record_white();
+            }
+        }
+        authored.color = Lighting::authored(&scene).color;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
@@ -324,7 +332,7 @@ fn work(
             final_spp: args.final_spp,
             final_noise: args.pictures.final_noise,
             denoise: !args.pictures.no_denoise,
-            free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
+            free,
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
             force,

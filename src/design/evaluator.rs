@@ -258,8 +258,9 @@ impl<'a> Evaluator<'a> {
                 adjoints[..dz.len()].iter().map(|of| of[replicate].as_slice()).collect();
             tangents.pull_back(&of_replicate, &mut by_lighting);
         }
+        let x = self.lighting(&self.variables.decode(u));
         if self.variables.vary_exposure() {
-            let exposure = self.lighting(&self.variables.decode(u)).exposure;
+            let exposure = x.exposure;
             for (by_lighting, adjoints) in by_lighting.iter_mut().zip(&*adjoints) {
                 // Light enters as its product with the exposure.
                 let dot = |(a, y): (&Vec<f64>, &Vec<f64>)| a.iter().zip(y).map(|(a, y)| a * y).sum::<f64>();
@@ -267,7 +268,7 @@ impl<'a> Evaluator<'a> {
             }
         }
         for (by_lighting, gradient) in by_lighting.iter().zip(gradients) {
-            self.variables.pull_back(u, by_lighting, gradient);
+            self.variables.pull_back(u, &x, by_lighting, gradient);
         }
         Ok(())
     }

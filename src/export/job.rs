@@ -30,6 +30,8 @@ pub struct LitLight<'a> {
     pub radiance: f32,
     /// Factor on the extents of the light's shape.
     pub size: f32,
+    /// Linear Rec.709 colour of luminance 1.
+    pub color: Rgb,
 }
 
 impl<'a> ExportJob<'a> {
@@ -52,8 +54,11 @@ impl<'a> ExportJob<'a> {
             light,
             radiance: radiance as f32,
             size: size as f32,
+            color: Rgb::ONE,
         };
-        self.view.scene.lights.iter().zip(settings).map(lit)
+        let color = |l: usize| self.lighting.color_of(l).gain().map_or(Rgb::ONE, Rgb::from_array);
+        let lights = self.view.scene.lights.iter().zip(settings).map(lit).enumerate();
+        lights.map(move |(l, lit)| LitLight { color: lit.light.color * color(l), ..lit })
     }
 
     /// Factor on the base colour's image of the material at `index`, or the base colour
@@ -80,6 +85,6 @@ impl LitLight<'_> {
     /// Radiance of each colour channel, in the unit of [`Self::radiance`].
     #[must_use]
     pub fn rgb(&self) -> Rgb {
-        self.light.color * self.radiance
+        self.color * self.radiance
     }
 }

@@ -1,6 +1,7 @@
 //! Mathematics that every other module builds on: colour and display encoding, frames, bounds,
 //! densities, warps, discrete distributions, hashing and statistics.
 
+pub mod blackbody;
 pub mod bounds;
 pub mod display;
 pub mod distribution;

@@ -19,6 +19,7 @@ use rayon::prelude::*;
 use super::{
     BasisRanges, Bond, Constraints, Followed, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range,
     SizeBounds, SurveyedScene, Tie, Variable, VariableKind, bounds,
+    color::{Channel, Temperature},
 };
 use crate::{film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene};
 
@@ -56,13 +57,15 @@ pub enum SurveyError {
     #[error("the scene has no lights; add [[lights]] to its sidecar, or a material that emits")]
     NoLights,
     #[error(
-        "nothing is free: allow radiance, size, background or exposure with --free, or `free` in the sidecar"
+        "nothing is free: allow radiance, size, color, background or exposure with --free, or `free` in the sidecar"
     )]
     NothingFree,
     #[error("light `{light}` does not light the picture; move it or turn it")]
     LightsNothing { light: String },
     #[error("light `{light}` brings no light to the main object, so that `{other}` has no ratio to it")]
     BringsNothing { light: String, other: String },
+    #[error("light `{light}`: `color` and `color_rgb` are free; give one of them")]
+    TwoColours { light: String },
     #[error("light `{light}` is within {distance:.1e} m of a surface at any size; move it away")]
     NoRoom { light: String, distance: f32 },
 }
@@ -163,7 +166,8 @@ impl Fitted {
     /// scene's author may take all of its values.
     #[must_use]
     pub fn basis_ranges(&self, constraints: &Constraints, free: &FreeKinds) -> BasisRanges {
-        let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
+        let mut ranges =
+            BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None, colors: false };
         for kind in VariableKind::all() {
             for light in
                 owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, constraints, free))
@@ -308,6 +312,8 @@ impl<'a> Survey<'a> {
             bright: &self.bright,
             neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
             exposure: self.fitted.lighting.exposure,
+            colors: (0..self.scene.lights.len()).map(|l| self.fitted.lighting.color_of(l)).collect(),
+            temperature_range: self.constraints.lights.iter().map(|light| light.temperature_range).collect(),
         }
     }
 
@@ -333,6 +339,14 @@ impl<'a> Survey<'a> {
         let is_needed = |i: usize| !constraints.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
         if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
             return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
+        }
+        let is_free = |kind: &str, l: usize| {
+            VariableKind::named(kind).is_some_and(|kind| is_free(kind, l, constraints, self.free))
+        };
+        if let Some(l) =
+            (0..means.len()).find(|&l| is_free(Temperature::KEYWORD, l) && is_free(Channel::KEYWORD, l))
+        {
+            return Err(SurveyError::TwoColours { light: scene.lights[l].name.clone() });
         }
         let surveyed = self.surveyed();
         let mut variables = Vec::new();

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Constraints, FreeKinds, radiance::Radiance, size::Size};
+use super::{Constraints, FreeKinds, VariableKind, radiance::Radiance, size::Size};
 use crate::files::nearest;
 
 /// Wishes in the words of the command line and of the sidecar.
@@ -152,11 +152,10 @@ impl Wishes {
                 continue;
             }
             let (owner, kind) = match word.rsplit_once('.') {
-                Some((owner, kind @ (Radiance::KEYWORD | Size::KEYWORD)))
-                    if !names.contains(&word.as_str()) =>
-                {
-                    (owner, Some(kind))
-                }
+                Some((owner, kind)) if !names.contains(&word.as_str()) => match variable(kind) {
+                    Some(kind) => (owner, Some(kind)),
+                    None => (word.as_str(), None),
+                },
                 _ => (word.as_str(), None),
             };
             let light = light(names, owner, "lock")?;
@@ -165,7 +164,7 @@ impl Wishes {
                 Some(kind) => drop_kind(&mut of_light.free, kind),
                 None => of_light.keep(),
             }
-            if kind != Some(Size::KEYWORD) {
+            if kind.is_none_or(|kind| kind == Radiance::KEYWORD) {
                 locked.push(light);
             }
         }
@@ -217,6 +216,13 @@ fn fail<T>(message: String) -> Result<T, WishError> {
 
 fn drop_kind(free: &mut FreeKinds, keyword: &str) {
     free.0.retain(|kind| kind.keyword() != keyword);
+}
+
+/// Keyword of a kind of variable that lights have, from it or from the last part of a variable's name.
+fn variable(word: &str) -> Option<&'static str> {
+    let of_light = VariableKind::all().filter(|kind| kind.is_of_light());
+    let mut named = of_light.filter(|kind| kind.keyword() == word || kind.suffix() == word);
+    named.next().map(|kind| kind.keyword())
 }
 
 /// Index of the light of a name.

@@ -199,7 +199,7 @@ impl Writer<'_> {
         } else {
             s.material.opacity(Vec2::ZERO)
         };
-        let radiance = l.light.color * (l.radiance * opacity);
+        let radiance = l.color * (l.radiance * opacity);
         let emitted = match s.material.emission_texture() {
             None => rgb("radiance", radiance),
             Some(image) => {
