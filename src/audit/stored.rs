@@ -168,7 +168,7 @@ impl About {
     /// Measure of luminance of the run that rendered the basis.
     #[must_use]
     pub fn measure(&self) -> Measure {
-        Measure { view: self.view, luminance: self.luminance }
+        Measure { view: self.view, luminance: self.luminance, color: false }
     }
 
     /// Mask of the main object, row by row from the top.

@@ -21,7 +21,7 @@ use crate::{
     integrator::{Integrator, IntegratorKind},
     lighting::{self, Lighting, MAX_EXPOSURE},
     math::{ViewTransform, display::LuminanceMode},
-    photo::Look,
+    photo::{Look, Matched},
     picture::Note,
     sampler::SamplerKind,
     scene::Scene,
@@ -184,6 +184,35 @@ impl From<LuminanceArg> for LuminanceMode {
         match arg {
             LuminanceArg::Srgb => Self::Srgb,
             LuminanceArg::Linear => Self::Linear,
+        }
+    }
+}
+
+/// [`Matched`] as options.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct MatchArgs {
+    /// What of a photograph, or of a class of photographs, is matched
+    #[arg(long = "match", value_name = "WHAT", value_enum, default_value_t = MatchArg::Luminance)]
+    pub matched: MatchArg,
+}
+
+/// [`Matched`] as an option.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MatchArg {
+    /// Brightness alone, as f_q is defined
+    #[default]
+    Luminance,
+    /// Colour too: its means and spread on object and background, and its joint histogram
+    Colour,
+}
+
+impl MatchArgs {
+    /// What is matched.
+    #[must_use]
+    pub fn get(self) -> Matched {
+        match self.matched {
+            MatchArg::Luminance => Matched::Luminance,
+            MatchArg::Colour => Matched::Colour,
         }
     }
 }

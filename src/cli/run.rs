@@ -15,8 +15,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, authored,
-        free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        CameraArgs, ConfinementArgs, LuminanceArg, MatchArgs, PictureArgs, TieArgs, TransportArgs, ViewArgs,
+        authored, free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     output::{print, print_json},
     progress::Console,
@@ -86,6 +86,10 @@ pub struct RunArgs {
     /// (JPEG, PNG, TIFF, EXR), or LIBRARY.toml#CLASS (see `learn-signature --help`)
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
+
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
 
     /// Mask of the main object of the photograph that is the target, of its size (upright): white on
     /// the object [default: that of an EXR of this program]
@@ -313,7 +317,9 @@ fn work(
         let longest = work_size.max_element() as usize;
         let jobs: Vec<Job> = wanted
             .into_iter()
-            .map(|(look, out)| Ok(Job { target: look.into_target(luminance, longest)?, out }))
+            .map(|(look, out)| {
+                Ok(Job { target: look.into_target(luminance, longest, args.matched.get())?, out })
+            })
             .collect::<anyhow::Result<_>>()?;
         let options = RunOptions {
             jobs: jobs.clone(),
@@ -325,7 +331,7 @@ fn work(
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
-            measure: Measure { view, luminance },
+            measure: Measure { view, luminance, color: jobs.iter().any(|job| job.target.needs_color()) },
             size,
             work_size,
             spp: args.spp,

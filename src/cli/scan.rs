@@ -7,7 +7,7 @@ use clap::Args;
 use plotters::prelude::*;
 
 use super::{
-    common::{say_look, views},
+    common::{MatchArgs, say_look, views},
     relight,
 };
 use crate::{
@@ -48,6 +48,10 @@ pub struct ScanArgs {
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
 
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
+
     /// Lighting, as `run` writes it [default: the start of the run that stored the basis]
     #[arg(long, value_name = "FILE")]
     pub lights: Option<PathBuf>,
@@ -74,18 +78,20 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     }
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = relight::load(&args.basis)?;
-    let measure = Measure { view: args.view.unwrap_or(about.view), ..about.measure() };
+    let longest = basis.layout().size.max_element() as usize;
+    let target = look.into_target(about.luminance, longest, args.matched.get())?;
+    let view = args.view.unwrap_or(about.view);
+    let measure = Measure { view, color: target.needs_color(), ..about.measure() };
     if measure.n_planes() > basis.layout().planes {
+        let why = match args.view {
+            Some(view) if view != ViewTransform::Srgb => format!("--view {view}"),
+            _ => format!("--target {}", args.target),
+        };
         bail!(
-            "{}: --view {}: the basis has the luminance of its replicates alone; `run --view {}` makes one with \
-             their colour",
-            args.basis.display(),
-            measure.view,
-            measure.view
+            "{}: {why}: the basis has the luminance of its replicates alone; `run {why}` makes one with their colour",
+            args.basis.display()
         );
     }
-    let longest = basis.layout().size.max_element() as usize;
-    let target = look.into_target(about.luminance, longest)?;
     let all = about.variables();
     let Some(variable) = all.variables.iter().find(|v| v.name == args.variable) else {
         let names = || all.variables.iter().map(|v| v.name.as_str());

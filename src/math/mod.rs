@@ -10,6 +10,7 @@ pub mod hash;
 pub mod measure;
 pub mod node_rgb;
 pub mod offset;
+pub mod oklab;
 pub mod pdf;
 pub mod primaries;
 pub mod rgb;

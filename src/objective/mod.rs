@@ -13,10 +13,12 @@
 //! \[PG14\] eqs. (1)–(8).
 
 mod adjoint;
+pub mod chroma;
 mod evaluation;
 pub mod histogram;
 pub mod jackknife;
 mod moments;
+pub mod palette;
 mod picture;
 mod problem;
 mod region;
@@ -200,6 +202,13 @@ impl Objective {
         out.fill(0.0);
         self.add_adjoint(l, &z, &dz, 1.0, smoothing.ramp, out);
         evaluation
+    }
+
+    /// Whether chroma must stand behind the display luminance of pictures that are measured: see
+    /// [`Measure::n_shown`](crate::math::Measure::n_shown).
+    #[must_use]
+    pub fn needs_color(&self) -> bool {
+        self.listed().any(Term::is_of_color)
     }
 
     /// Raw statistics of display luminance `l`, as far as the target has goals for them; `ramp` is that

@@ -28,6 +28,7 @@ use serde_json::Value;
 pub use super::problem::{TargetProblem, TargetProblemReason};
 pub use error::TargetError;
 
+use super::palette::Palette;
 use super::signature::Signature;
 use super::terms::{Goal, Kind, N_TERMS, Term, Values};
 use crate::files::{nearest, text};
@@ -105,6 +106,30 @@ impl Target {
             values[term as usize] = Some(value);
         }
         Self::new(name, &values, HISTOGRAM_ONLY, signature)
+    }
+
+    /// The same target with a palette, and with the weights of [`Term::matched_weight`] for all terms of colour
+    /// that it has goals for; others keep none.
+    #[must_use]
+    pub fn with_palette(mut self, palette: Palette) -> Self {
+        self.goals.insert(Term::Chroma, Goal::Palette(palette));
+        for term in Term::ALL.into_iter().filter(|term| term.is_of_color() && self.goals.contains_key(term)) {
+            self.weights[term as usize] = term.matched_weight();
+        }
+        self
+    }
+
+    /// The same target without goals of colour.
+    #[must_use]
+    pub fn without_color(mut self) -> Self {
+        self.goals.retain(|term, _| !term.is_of_color());
+        self
+    }
+
+    /// Whether the target asks for colour.
+    #[must_use]
+    pub fn needs_color(&self) -> bool {
+        self.goals.keys().any(|term| term.is_of_color())
     }
 
     /// A built-in target by name, else the target file at that path.
@@ -187,7 +212,7 @@ impl Target {
     pub fn target(&self, term: Term) -> f64 {
         match self.goal(term) {
             Some(Goal::Value(value)) => *value,
-            Some(Goal::Signature(_)) | None => 0.0,
+            Some(Goal::Signature(_) | Goal::Palette(_)) | None => 0.0,
         }
     }
 

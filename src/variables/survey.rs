@@ -230,6 +230,8 @@ pub fn gain_for(
     measure: Measure,
 ) -> f64 {
     let n = planes.len() / measure.n_planes();
+    let measure = measure.of_luminance();
+    let planes = &planes[..n * measure.n_planes()];
     let weights: Vec<f64> = planes[..n].iter().map(|&y| weight(y)).collect();
     let total: f64 = weights.iter().sum();
     let (mut shown, mut slopes) = (vec![0.0; n], vec![0.0; planes.len()]);

@@ -5,6 +5,7 @@
 
 mod basis;
 mod bench;
+mod colors;
 mod denoise;
 mod evaluate;
 mod export;

@@ -18,6 +18,8 @@ use crate::support::{random::Random, scenes};
 
 const SIZES: [f32; 2] = [0.1, 1.6];
 const LARGEST_VALUE: f32 = 1.2;
+/// A step off a bound: far above rounding, and far below what changes a gradient.
+const INSIDE: f64 = 1e-9;
 
 /// A ball in a room with two lamps; the room is the background.
 fn scene() -> Scene {
@@ -108,7 +110,7 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
         points.push(u);
     }
     points.push(vec![0.0, 1.0, 0.5, 0.0, 1.0, 0.4]);
-    let through = |view| Measure { view, luminance: LuminanceMode::Srgb };
+    let through = |view| Measure { view, luminance: LuminanceMode::Srgb, color: false };
     let measures = [
         ("high-key", Measure::default()),
         ("low-key", LuminanceMode::Linear.into()),
@@ -132,15 +134,25 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
         for delta in [Smoothing::DELTA_FIRST, 5e-3] {
             let smoothing = Smoothing::with_delta(delta);
             let f = |u: &[f64]| evaluator.evaluate(u, &smoothing, None, &mut Scratch::default()).unwrap();
-            // What one white light shows in a grey room is grey: there the least channel, from which PBR
-            // Neutral takes its offset, changes from one to another, and f has two slopes.
-            let is_grey = |u: &Vec<f64>| u[0] == 0.0 || u[2] == 0.0;
-            let has_edge = measure.view == ViewTransform::PbrNeutral;
-            for u in points.iter().filter(|u| !(has_edge && is_grey(u))) {
+            let gradient_at = |u: &[f64]| {
                 let mut gradient = vec![0.0; u.len()];
                 let mut scratch = Scratch::default();
                 let value = evaluator.evaluate(u, &smoothing, Some(&mut gradient), &mut scratch).unwrap();
                 assert!((value - f(u)).abs() < 1e-12);
+                gradient
+            };
+            for u in &points {
+                let mut gradient = gradient_at(u);
+                if measure.view == ViewTransform::PbrNeutral {
+                    // What one white light shows in a grey room is grey: there the least channel, from which PBR
+                    // Neutral takes its offset, changes from one to another, and f has a slope on either side.
+                    // That on the inside is the limit of the gradients there.
+                    for i in (0..u.len()).filter(|&i| u[i] == 0.0) {
+                        let mut inside = u.clone();
+                        inside[i] = INSIDE;
+                        gradient[i] = gradient_at(&inside)[i];
+                    }
+                }
                 let longest = gradient.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
                 for (i, g) in gradient.iter().enumerate() {
                     let expected = difference(&f, u, i);
@@ -150,6 +162,69 @@ fn the_gradient_of_f_q_agrees_with_differences_inside_and_on_bounds() {
                         "{look} {delta} {u:?} {i}: {g} {expected}"
                     );
                 }
+            }
+        }
+    }
+}
+
+/// The gradient of f_q with terms of colour, by the colours of lights too.
+#[test]
+fn the_gradient_by_colours_agrees_with_differences() {
+    let scene = scene();
+    let basis = basis(&scene, 3);
+    let halves = basis.halves();
+    let fixed = Lighting::authored(&scene);
+    let variable = |kind: VariableKind, light: usize, [lower, upper]: [f64; 2], scale| {
+        let name = kind.variable_name(&light.to_string());
+        Variable { name, unit: "", lower, upper, initial: upper, scale, kind, light }
+    };
+    let named = |word: &str| VariableKind::named(word).unwrap();
+    let mut all = vec![
+        variable(named("radiance"), 0, [0.0, 30.0], Scale::Perceptual),
+        variable(named("color"), 0, [2700.0, 7500.0], Scale::Reciprocal),
+        variable(named("radiance"), 1, [0.0, 60.0], Scale::Perceptual),
+        variable(named("exposure"), 0, [0.25, 4.0], Scale::Logarithmic),
+    ];
+    let channels = VariableKind::all().filter(|kind| kind.keyword() == "color_rgb");
+    all.extend(channels.map(|kind| variable(kind, 1, [0.01, 1.0], Scale::Perceptual)));
+    let variables = ParamVector { ties: vec![], variables: all };
+    let aovs = aov::trace(View { scene: &scene, camera: &scene.camera }, 1.0);
+    let shares =
+        (0..256).map(|i| if (100..140).contains(&i) { 1.0 / 40.0 } else { 0.0 }).collect::<Vec<f64>>();
+    let goals = "t_aObj = 0.03\nt_bObj = 0.05\nt_aBack = -0.02\nt_bBack = 0.02\nt_spreadObj = 0.05\n\
+                 t_spreadBack = 0.03\n[palette]\nshares = ";
+    let text = include_str!("../../scenes/targets/low-key.toml");
+    let weights =
+        "[weights]\naObj = 1\nbObj = 1\naBack = 1\nbBack = 1\nspreadObj = 1\nspreadBack = 1\nchroma = 1\n";
+    let (head, rest) = text.split_once("[weights]").unwrap();
+    let (scalars, palette) = goals.split_once("[palette]").unwrap();
+    let text = format!("{head}{scalars}{weights}{rest}\n[palette]{palette}{shares:?}\n");
+    let target = Target::from_toml(&text, "colours.toml".as_ref()).unwrap();
+    let objective = Objective::new(&target, aovs.width, aovs.height, &aovs.mask).unwrap();
+    let mut random = Random::new(&[62]);
+    for view in [ViewTransform::Srgb, ViewTransform::Agx] {
+        let evaluator = Evaluator {
+            basis: &basis,
+            halves: &halves,
+            objective: &objective,
+            variables: &variables,
+            fixed: &fixed,
+            measure: Measure { view, luminance: LuminanceMode::Srgb, color: true },
+            least_sizes: &[],
+        };
+        let smoothing = Smoothing::with_delta(5e-3);
+        let f = |u: &[f64]| evaluator.evaluate(u, &smoothing, None, &mut Scratch::default()).unwrap();
+        for _ in 0..4 {
+            let u: Vec<f64> = (0..variables.len()).map(|_| f64::from(random.range(0.1, 0.9))).collect();
+            let mut gradient = vec![0.0; u.len()];
+            let value =
+                evaluator.evaluate(&u, &smoothing, Some(&mut gradient), &mut Scratch::default()).unwrap();
+            assert!((value - f(&u)).abs() < 1e-12);
+            let longest = gradient.iter().fold(1e-3_f64, |m, g| m.max(g.abs()));
+            for (i, g) in gradient.iter().enumerate() {
+                let expected = difference(&f, &u, i);
+                let name = &variables.variables[i].name;
+                assert!((g - expected).abs() < 1e-6 * longest, "{view} {u:?} {name}: {g} {expected}");
             }
         }
     }
