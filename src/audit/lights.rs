@@ -143,6 +143,30 @@ impl LightsFile {
         }
     }
 
+    /// Settings that describe the lighting `x` of a stored basis.
+    #[must_use]
+    pub fn of_basis(about: &About, layout: &Layout, x: &Lighting) -> Self {
+        let is_free = layout.nodes.len() > 1;
+        let setting = |(l, name): (usize, &String)| LightSetting {
+            name: name.clone(),
+            radiance: x.radiance[l],
+            size: layout.lights[l].knots.is_some().then_some(x.size[l]),
+            color: x.color_of(l).gain(),
+            color_temperature: None,
+            tint: None,
+            placed: None,
+            setup: None,
+        };
+        Self {
+            schema: SCHEMA,
+            exposure: Some(x.exposure),
+            view: None,
+            background: is_free.then_some(Background { value: x.value }),
+            without_lights: false,
+            lights: about.lights.iter().enumerate().map(setting).collect(),
+        }
+    }
+
     /// The same settings, seen through a view, of which nothing is said where it is `srgb`.
     #[must_use]
     pub fn seen_through(self, view: ViewTransform) -> Self {
@@ -244,6 +268,13 @@ impl LightsFile {
     ) -> Result<(), LightingError> {
         let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
         for l in &self.lights {
+            if let Some(leader) = about.group(&l.name) {
+                x.radiance[leader] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+                for tie in &about.ties {
+                    x.radiance[tie.light] = tie.ratio(x).0 * x.radiance[tie.leader];
+                }
+                continue;
+            }
             let Some(i) = about.lights.iter().position(|n| *n == l.name) else {
                 let known = about.lights.join(", ");
                 let message = format!("the basis has no light `{}`; it has {known}", l.name);

@@ -237,12 +237,12 @@ pub struct TieArgs {
     #[arg(long, value_name = "LIGHT=LIGHT*X")]
     pub tie: Vec<String>,
 
-    /// Mean luminance that a light brings to the main object as a multiple of what another brings, at their
-    /// present sizes, which then stay: fill=key/4, fill=key-2stops
+    /// Mean luminance that a light brings to the main object as a multiple of what another brings, at whatever sizes:
+    /// fill=key/4, fill=key-2stops
     #[arg(long, value_name = "LIGHT=LIGHT/X")]
     pub ratio: Vec<String>,
 
-    /// Lights whose radiances keep the ratio that they have, with one variable, that of the first:
+    /// Lights whose radiances keep the ratio that they have, with one variable of the group's name, warm.radiance:
     /// warm=key,fill
     #[arg(long, value_name = "NAME=LIGHT,LIGHT")]
     pub group: Vec<String>,

@@ -12,8 +12,8 @@ use super::common::{MatchArgs, say_look, say_notes, views};
 use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
 use crate::math::{Measure, ViewTransform};
-use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Objective, Replicates, Target};
-use crate::photo::Look;
+use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Replicates, Target};
+use crate::photo::{Look, weights::Weights};
 use crate::picture::{Picture, Purpose, Reading, Transfer};
 
 /// Bytes of a pixel beside the picture: its brightness and its mask.
@@ -58,6 +58,11 @@ pub struct EvaluateArgs {
     /// Mask of the main object, of the picture's size: white on the object, or transparent around it
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
+
+    /// Weights in [0, 1] in the place of the mask: how much each pixel is main object, white being 1 (a map of
+    /// saliency); of any size
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
 
     /// What of a photograph is matched.
     #[command(flatten)]
@@ -232,8 +237,10 @@ fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
     }
     // The picture has pixels, as many as the mask: what is wrong is what the mask marks.
     let mask = args.mask.as_ref().unwrap_or(&args.image);
-    let objective = Objective::new(&subject.target, width, height, &subject.mask.object)
-        .with_context(|| mask.display().to_string())?;
+    let weights = args.weights.as_deref().map(Weights::read).transpose()?;
+    let objective =
+        Weights::objective(weights.as_ref(), &subject.target, [width, height], &subject.mask.object)
+            .with_context(|| mask.display().to_string())?;
     let plain = objective.evaluate(&l);
     if linear.is_empty() {
         return Ok(Measured { evaluation: plain, of_picture: None });

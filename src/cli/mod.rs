@@ -10,6 +10,7 @@ pub mod figures;
 pub mod learn;
 pub mod map;
 mod output;
+mod pareto;
 mod progress;
 pub mod relight;
 pub mod render;

@@ -36,7 +36,7 @@ use crate::{
     import::{self, LoadOptions, Loaded},
     lighting::Lighting,
     math::Measure,
-    photo::Look,
+    photo::{Look, weights::Weights},
     variables::{FreeKinds, VariableKind},
 };
 
@@ -95,6 +95,11 @@ pub struct RunArgs {
     /// the object [default: that of an EXR of this program]
     #[arg(long, value_name = "FILE", conflicts_with = "targets")]
     pub target_mask: Option<PathBuf>,
+
+    /// Weights in [0, 1] in the place of the mask of the main object: how much each pixel is main object, white being
+    /// 1 (a map of saliency); of any size
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
 
     /// Several looks from one simulation, each recorded in a directory of its own below DIR; up to
     /// four are found together and share all renders
@@ -331,6 +336,7 @@ fn work(
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
+            weights: args.weights.as_deref().map(Weights::read).transpose()?,
             measure: Measure { view, luminance, color: jobs.iter().any(|job| job.target.needs_color()) },
             size,
             work_size,
@@ -345,6 +351,14 @@ fn work(
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
         };
+        let is_colored = options.free.0.iter().any(|kind| kind.is_of_color());
+        if let Some(job) = jobs.iter().find(|job| job.target.needs_color() && !is_colored) {
+            console.note(&format!(
+                "{} asks for colours, and those of the lights stay as they are; `--free radiance,size,background,color` \
+                 varies them",
+                job.target.name()
+            ));
+        }
         if args.move_lights && !constraints.bonds.is_empty() {
             bail!(
                 "--move-lights: lights that follow others (--tie, --ratio, --group, [ties]) cannot be moved"

@@ -18,6 +18,7 @@ use crate::{
     math::Measure,
     objective::{JackknifeEstimate, ObjectiveError, Target},
     optim::{OptimError, StopReason},
+    photo::weights::Weights,
     sampler::SamplerKind,
     scene::Scene,
     transport::store::StoreError,
@@ -82,6 +83,8 @@ pub struct RunOptions {
     pub integrator: Integrator,
     /// Family of sample sequences.
     pub sampler: SamplerKind,
+    /// Weights in the place of the mask of the main object.
+    pub weights: Option<Weights>,
     /// Measure of luminance.
     pub measure: Measure,
     /// Size of the final picture, pixels.

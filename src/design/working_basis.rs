@@ -32,7 +32,7 @@ use crate::{
     },
     objective::Objective,
     scene::Scene,
-    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
+    transport::{Brought, Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
     variables::BasisRanges,
 };
 
@@ -349,6 +349,11 @@ impl WorkingBasis {
             seed,
             stored: None,
         }
+    }
+
+    /// What each light brings to the pixels of a mask by its size, with the background at a value.
+    pub fn brought(&self, mask: &[bool], value: f64) -> Vec<Brought> {
+        self.basis.brought(mask, value)
     }
 
     /// Writes the basis to the run's own file, if it has one, and to the cache, if it is kept there and has

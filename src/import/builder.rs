@@ -262,11 +262,12 @@ impl Source<'_> {
         let lights = self.lights(sidecar, &lights, &mesh, &materials, &mut warnings)?;
         let (lights, light_constraints) = lights.into_iter().unzip();
         let constraints = Constraints {
-            free: run_free(&sidecar),
+            free: run_free(sidecar),
             lights: light_constraints,
             value_range: self.value_range(sidecar)?,
             movement: self.movement(&sidecar.movement)?,
             bonds: Vec::new(),
+            groups: Vec::new(),
         };
         let name = self.scene_path.file_stem().map_or("scene".into(), |s| s.to_string_lossy());
         let scene =

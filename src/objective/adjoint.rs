@@ -4,7 +4,7 @@ use multiversion::multiversion;
 
 use super::chroma::{Axis, histogram};
 use super::picture::Picture;
-use super::region::Region;
+use super::region::{Region, Regions};
 
 /// The adjoint picture `∂f/∂l` while terms add to it.
 ///
@@ -55,7 +55,7 @@ impl<'a> Adjoint<'a> {
     pub(super) fn pixels(&mut self) -> &mut [f64] {
         if let Some([object, background]) = self.lines.take() {
             let out = &mut self.out[..self.picture.l.len()];
-            add_lines(self.picture.l, self.picture.regions.mask(), object, background, out);
+            draw_lines(self.picture.l, self.picture.regions, object, background, out);
         }
         &mut self.out[..self.picture.l.len()]
     }
@@ -81,7 +81,7 @@ impl<'a> Adjoint<'a> {
         let nothing = Line::default();
         let [object, background] = if region == Region::Object { [line, nothing] } else { [nothing, line] };
         let out = &mut self.out[axis.plane() * n..][..n];
-        add_lines(plane, self.picture.regions.mask(), object, background, out);
+        draw_lines(plane, self.picture.regions, object, background, out);
     }
 
     /// Adds `Σ_i d_i · ∂share_i/∂chroma` of the joint histogram.
@@ -99,6 +99,17 @@ impl<'a> Adjoint<'a> {
 
     fn line(&mut self, region: Region) -> &mut Line {
         &mut self.lines.get_or_insert_default()[region as usize]
+    }
+}
+
+/// Adds to `out` the lines of object and background at `l`, by the share of each pixel in them.
+fn draw_lines(l: &[f64], regions: &Regions, object: Line, background: Line, out: &mut [f64]) {
+    let Some(weights) = regions.weights() else {
+        return add_lines(l, regions.mask(), object, background, out);
+    };
+    for ((out, &l), &w) in out.iter_mut().zip(l).zip(weights) {
+        *out += w * (object.constant + object.slope * l)
+            + (1.0 - w) * (background.constant + background.slope * l);
     }
 }
 

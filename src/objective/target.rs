@@ -38,9 +38,12 @@ use parse::{line_at, line_of_key};
 pub const SCHEMA: i64 = 1;
 
 /// Built-in targets: their names, and the text of their files.
-pub const BUILTIN: [(&str, &str); 2] = [
+pub const BUILTIN: [(&str, &str); 5] = [
     ("high-key", include_str!("../../scenes/targets/high-key.toml")),
     ("low-key", include_str!("../../scenes/targets/low-key.toml")),
+    ("golden-hour", include_str!("../../scenes/targets/golden-hour.toml")),
+    ("moonlight", include_str!("../../scenes/targets/moonlight.toml")),
+    ("neon", include_str!("../../scenes/targets/neon.toml")),
 ];
 
 /// Weights where a target names none, in the order of [`Term::ALL`], see [`Term::default_weight`].

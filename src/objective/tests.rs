@@ -100,6 +100,43 @@ fn adjoints_of_every_term_and_the_sum_agree_with_central_differences() {
     }
 }
 
+/// Weights in the place of the mask: derivatives, and weights of 0 and 1 alone are that mask.
+#[test]
+fn adjoints_with_weights_agree_with_central_differences() {
+    let mut rng = Rng::new(4);
+    let weights: Vec<f64> = rng.image(W * H).iter().map(|w| (2.0 * w - 0.5).clamp(0.0, 1.0)).collect();
+    for term in Term::ALL.map(Some).into_iter().chain([None]) {
+        let target = target_of("low-key", term);
+        let objective = Objective::weighted(&target, W, H, &weights).unwrap();
+        let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+        for (name, mut l) in pictures() {
+            if term.is_some_and(Term::is_of_color) {
+                l = with_chroma(&l, &mut Rng::new(6));
+            }
+            let mut adjoint = vec![f64::NAN; l.len()];
+            objective.evaluate_smooth(&l, &smoothing, Some(&mut adjoint));
+            let f = |l: &[f64]| objective.evaluate_smooth(l, &smoothing, None).f_q;
+            assert_adjoint(&format!("{term:?} {name}"), &l, &adjoint, f);
+        }
+    }
+    let mask = disk_mask(W, H);
+    let binary: Vec<f64> = mask.iter().map(|&on| f64::from(u8::from(on))).collect();
+    let target = target_of("high-key", None);
+    let by_mask = Objective::new(&target, W, H, &mask).unwrap();
+    let by_weights = Objective::weighted(&target, W, H, &binary).unwrap();
+    for (name, l) in pictures() {
+        let (a, b) = (by_mask.evaluate(&l), by_weights.evaluate(&l));
+        for (a, b) in a.terms().zip(b.terms()) {
+            assert!((a.value - b.value).abs() < 1e-12, "{name} {}: {} {}", a.term.name(), a.value, b.value);
+        }
+    }
+    assert_eq!(Objective::weighted(&target, W, H, &[0.0; W * H]).unwrap_err(), ObjectiveError::EmptyObject);
+    assert_eq!(
+        Objective::weighted(&target, W, H, &[1.0; W * H]).unwrap_err(),
+        ObjectiveError::EmptyBackground
+    );
+}
+
 #[test]
 fn a_term_without_a_goal_is_not_listed_and_measured_only_where_others_read_it() {
     let mask = disk_mask(W, H);

@@ -12,6 +12,7 @@ pub mod folder;
 pub mod learn;
 pub mod look;
 pub mod reduce;
+pub mod weights;
 
 use std::path::{Path, PathBuf};
 

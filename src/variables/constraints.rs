@@ -66,6 +66,8 @@ pub struct Constraints {
     pub movement: Movement,
     /// Lights that follow others, leaders before their followers.
     pub bonds: Vec<Bond>,
+    /// Names of groups of lights, with the light whose radiance is the group's variable.
+    pub groups: Vec<(String, usize)>,
 }
 
 /// Freedom and bounds of the variables of a light.

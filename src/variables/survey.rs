@@ -20,8 +20,12 @@ use super::{
     BasisRanges, Bond, Constraints, Followed, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range,
     SizeBounds, SurveyedScene, Tie, Variable, VariableKind, bounds,
     color::{Channel, Temperature},
+    radiance::Radiance,
+    size::Size,
 };
-use crate::{film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene};
+use crate::{
+    film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene, transport::Brought,
+};
 
 /// Display luminance at which what a light lights is taken to be white: a mean of 1 would need pixels
 /// that all clip.
@@ -270,6 +274,9 @@ pub struct Survey<'a> {
     pub means: Vec<f64>,
     /// The same over the main object.
     brought: Vec<f64>,
+    /// What each light brings to the main object by its size; `None` where that is not known, and the sizes of lights in
+    /// a ratio are not free.
+    by_size: Option<Vec<Brought>>,
     /// Radiance of each light at which it alone shows what it lights at [`BRIGHT`].
     pub bright: Vec<f64>,
     /// Mean linear luminance that every light contributes at the neutral start.
@@ -301,7 +308,21 @@ impl<'a> Survey<'a> {
         let gain = gain_for(&alike, |_| 1.0, START, exposure, measure);
         let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, measure));
         let bright = bright.collect();
-        Self { scene, fitted, constraints, free, measure, images, means, brought, bright, gain }
+        let by_size = None;
+        Self { scene, fitted, constraints, free, measure, images, means, brought, by_size, bright, gain }
+    }
+
+    /// The same survey where it is known what each light brings to the main object by its size.
+    #[must_use]
+    pub fn with_brought(self, brought: Vec<Brought>) -> Self {
+        Self { by_size: Some(brought), ..self }
+    }
+
+    /// Whether the size of a light must stay as it is, because a ratio to what it brings there is kept.
+    fn keeps_size(&self, light: usize) -> bool {
+        let in_ratio =
+            |bond: &Bond| bond.of == Followed::Brought && (bond.light == light || bond.leader == light);
+        self.by_size.is_none() && self.constraints.bonds.iter().any(in_ratio)
     }
 
     /// Results from which the ranges of the variables follow.
@@ -324,10 +345,15 @@ impl<'a> Survey<'a> {
         if !is_free(kind, light, self.constraints, self.free) {
             return None;
         }
+        if kind.keyword() == Size::KEYWORD && self.keeps_size(light) {
+            return None;
+        }
         // Where both bounds are the same nothing is free.
         let range = kind.range(scene, light).filter(|range| range.lower < range.upper)?;
         let Range { unit, lower, upper, initial, scale } = range;
-        let name = kind.variable_name(&self.scene.lights[light].name);
+        let group = self.constraints.groups.iter().find(|(_, leader)| *leader == light);
+        let group = group.filter(|_| kind.keyword() == Radiance::KEYWORD).map(|(name, _)| name);
+        let name = kind.variable_name(group.unwrap_or(&self.scene.lights[light].name));
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
     }
 
@@ -375,10 +401,16 @@ impl<'a> Survey<'a> {
         let tie = |bond: &Bond| {
             let Bond { light, leader, factor, .. } = *bond;
             Ok(match bond.of {
-                Followed::Radiance => Tie { light, leader, factor },
+                Followed::Radiance => Tie { light, leader, factor, brought: None },
                 Followed::Brought => {
-                    let factor = factor * brought(leader, light)? / brought(light, leader)?;
-                    Tie { light, leader, factor }
+                    let [of_leader, of_light] = [brought(leader, light)?, brought(light, leader)?];
+                    match &self.by_size {
+                        Some(by_size) => {
+                            let by_size = [leader, light].map(|l| by_size[l].clone());
+                            Tie { light, leader, factor, brought: Some(Box::new(by_size)) }
+                        }
+                        None => Tie { light, leader, factor: factor * of_leader / of_light, brought: None },
+                    }
                 }
             })
         };

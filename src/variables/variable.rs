@@ -190,7 +190,7 @@ impl ParamVector {
             *v.kind.value(&mut x, v.light) = value;
         }
         for tie in &self.ties {
-            x.radiance[tie.light] = tie.factor * x.radiance[tie.leader];
+            x.radiance[tie.light] = tie.ratio(&x).0 * x.radiance[tie.leader];
         }
         x
     }
@@ -199,8 +199,13 @@ impl ParamVector {
     pub fn pull_back(&self, u: &[f64], x: &Lighting, by_lighting: &LightingGradient, gradient: &mut [f64]) {
         let mut carried = Cow::Borrowed(by_lighting);
         for tie in self.ties.iter().rev() {
-            let of_follower = tie.factor * carried.radiance[tie.light];
-            carried.to_mut().radiance[tie.leader] += of_follower;
+            let (ratio, by_sizes) = tie.ratio(x);
+            let by_follower = carried.radiance[tie.light];
+            let to = carried.to_mut();
+            to.radiance[tie.leader] += ratio * by_follower;
+            for (light, by_size) in [tie.leader, tie.light].into_iter().zip(by_sizes) {
+                to.size[light] += by_size * x.radiance[tie.leader] * by_follower;
+            }
         }
         let by_lighting = &*carried;
         for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
@@ -227,7 +232,7 @@ mod tests {
             kind: VariableKind::named("radiance").unwrap(),
             light: 0,
         };
-        let tie = |light, leader, factor| Tie { light, leader, factor };
+        let tie = |light, leader, factor| Tie { light, leader, factor, brought: None };
         let v = ParamVector { variables: vec![key], ties: vec![tie(2, 0, 0.25), tie(1, 2, 0.5)] };
         let fixed = Lighting {
             radiance: vec![1.0; 4],

@@ -362,7 +362,8 @@ fn variables(
         unit_image(basis, &fitted.lighting, l).into_iter().map(|y| [y as f32; 3]).collect()
     };
     let unit = Picture::of_lights(size, (0..n).into_par_iter().map(grey).collect());
-    let mut constraints = Constraints { bonds: Vec::new(), ..commission.constraints.clone() };
+    let mut constraints =
+        Constraints { bonds: Vec::new(), groups: Vec::new(), ..commission.constraints.clone() };
     let lamp = LightConstraints { is_from_file: true, ..LightConstraints::default() };
     constraints.lights.resize(n, lamp);
     constraints.lights.iter_mut().for_each(|light| light.is_from_file = true);
