@@ -62,6 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         memory: 2 << 30,
         integrator: Integrator::default(),
         sampler: SamplerKind::Sobol,
+        weights: None,
         measure: Measure::default(),
         size: UVec2::new(320, 240),
         work_size: UVec2::new(64, 48),

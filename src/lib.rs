@@ -57,6 +57,7 @@
 //!   Denoising Monte Carlo Renderings*, CGF 35(4), 2016.
 //! - \[BT709\] Recommendation ITU-R BT.709-6, 2015.
 //! - \[Burley20\] B. Burley, *Practical Hash-based Owen Scrambling*, JCGT 9(4), 2020.
+//! - \[CIE15\] CIE 15:2018, *Colorimetry*.
 //! - \[Clarberg08\] P. Clarberg, *Fast Equal-Area Mapping of the (Hemi)Sphere using SIMD*, Journal of
 //!   Graphics Tools 13(3), 2008.
 //! - \[DLMF\] NIST Digital Library of Mathematical Functions, <https://dlmf.nist.gov>.
@@ -76,6 +77,8 @@
 //!   and Merging*, ACM TOG 31(6), 2012.
 //! - \[Grittmann22\] P. Grittmann et al., *Efficiency-Aware Multiple Importance Sampling for Bidirectional Rendering
 //!   Algorithms*, ACM TOG 41(4), 2022.
+//! - \[Haimes71\] Y. Haimes, L. Lasdon, D. Wismer, *On a Bicriterion Formulation of the Problems of Integrated System
+//!   Identification and System Optimization*, IEEE Trans. SMC 1(3), 1971.
 //! - \[He15\] Z. He, X. Wang, *On the Convergence Rate of Randomized Quasi-Monte Carlo for
 //!   Discontinuous Functions*, SIAM J. Numer. Anal. 53(5), 2015.
 //! - \[Heitz16\] E. Heitz, J. Hanika, E. d'Eon, C. Dachsbacher, *Multiple-Scattering
@@ -100,6 +103,8 @@
 //!   Graphics*, SIGGRAPH 1995.
 //! - \[Kraft88\] D. Kraft, *A Software Package for Sequential Quadratic Programming*, DFVLR-FB
 //!   88-28, 1988.
+//! - \[Krystek85\] M. Krystek, *An algorithm to calculate correlated colour temperature*, Color Research and
+//!   Application 10(1), 1985.
 //! - \[Kulla17\] C. Kulla, A. Conty, *Revisiting Physically Based Shading at Imageworks*,
 //!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2017.
 //! - \[Lagarde14\] S. Lagarde, C. de Rousiers, *Moving Frostbite to Physically Based Rendering*,
@@ -118,6 +123,7 @@
 //!   38(3), 2012.
 //! - \[MT97\] T. Möller, B. Trumbore, *Fast, Minimum Storage Ray/Triangle Intersection*,
 //!   JGT 2(1), 1997.
+//! - \[Nocedal06\] J. Nocedal, S. Wright, *Numerical Optimization*, second edition, Springer 2006.
 //! - \[Nocedal80\] J. Nocedal, *Updating Quasi-Newton Matrices with Limited Storage*, Math.
 //!   Comp. 35, 1980.
 //! - \[OpenEXR\] *OpenEXR File Layout*, *Technical Introduction to OpenEXR*.
@@ -125,6 +131,8 @@
 //!   2016.
 //! - \[PBRT4\] M. Pharr, W. Jakob, G. Humphreys, *Physically Based Rendering*, 4th ed.,
 //!   2023.
+//! - \[Ohno14\] Y. Ohno, *Practical Use and Calculation of CCT and Duv*, LEUKOS 10(1), 2014.
+//! - \[Ottosson20\] B. Ottosson, *A perceptual color space for image processing*, bottosson.github.io, 2020.
 //! - \[PG14\] *Automatic Aesthetics-based Lighting Design with Global Illumination*,
 //!   Pacific Graphics short papers, 2014.
 //! - \[Peyre19\] G. Peyré, M. Cuturi, *Computational Optimal Transport*, Found. Trends Mach.

@@ -9,10 +9,18 @@ use super::{
     stored::About,
 };
 use crate::{
-    files::{nearest, number::Number, toml_file::TomlError},
+    files::{
+        nearest,
+        number::{Number, Numbers},
+        toml_file::TomlError,
+    },
     import::LoadOptions,
-    lighting::{self, Lighting},
-    math::ViewTransform,
+    light::{Light, LightColor},
+    lighting::{self, Lighting, MAX_RADIANCE},
+    math::{
+        ViewTransform,
+        blackbody::{MAX_TINT, TEMPERATURES},
+    },
     scene::Scene,
     transport::Layout,
 };
@@ -65,6 +73,15 @@ pub struct LightSetting {
     /// Size s of the light, a factor on its unit extents; that of the scene if absent.
     #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
     pub size: Option<f64>,
+    /// Colour of the light, linear Rec.709 of luminance 1; that of the scene if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f32; 3]>,
+    /// Temperature that made the colour, kelvin. With `color` it is written for people, and not read.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
+    pub color_temperature: Option<f64>,
+    /// Distance Duv of the colour from the Planckian locus; 0 if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none", serialize_with = "short_option")]
+    pub tint: Option<f64>,
     /// Place and shape of a lamp that the scene's files do not have, or have elsewhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub placed: Option<Placed>,
@@ -100,7 +117,11 @@ impl LightsFile {
     #[must_use]
     pub fn new(scene: &Scene, x: &Lighting) -> Self {
         let background = Background { value: x.value };
-        let settings = scene.lights.iter().zip(&x.radiance).zip(&x.size);
+        let settings = scene.lights.iter().zip(&x.radiance).zip(&x.size).enumerate();
+        let temperature = |l: usize| match x.color_of(l) {
+            LightColor::Temperature { kelvin, tint } => (Some(kelvin), Some(tint).filter(|t| *t != 0.0)),
+            LightColor::Recorded | LightColor::Rgb(_) => (None, None),
+        };
         Self {
             schema: SCHEMA,
             exposure: Some(x.exposure),
@@ -108,14 +129,41 @@ impl LightsFile {
             background: (!scene.background().is_empty()).then_some(background),
             without_lights: false,
             lights: settings
-                .map(|((light, &radiance), &size)| LightSetting {
+                .map(|(l, ((light, &radiance), &size))| LightSetting {
                     name: light.name.clone(),
                     radiance,
                     size: light.has_size().then_some(size),
+                    color: x.color_of(l).gain(),
+                    color_temperature: temperature(l).0,
+                    tint: temperature(l).1,
                     placed: None,
                     setup: None,
                 })
                 .collect(),
+        }
+    }
+
+    /// Settings that describe the lighting `x` of a stored basis.
+    #[must_use]
+    pub fn of_basis(about: &About, layout: &Layout, x: &Lighting) -> Self {
+        let is_free = layout.nodes.len() > 1;
+        let setting = |(l, name): (usize, &String)| LightSetting {
+            name: name.clone(),
+            radiance: x.radiance[l],
+            size: layout.lights[l].knots.is_some().then_some(x.size[l]),
+            color: x.color_of(l).gain(),
+            color_temperature: None,
+            tint: None,
+            placed: None,
+            setup: None,
+        };
+        Self {
+            schema: SCHEMA,
+            exposure: Some(x.exposure),
+            view: None,
+            background: is_free.then_some(Background { value: x.value }),
+            without_lights: false,
+            lights: about.lights.iter().enumerate().map(setting).collect(),
         }
     }
 
@@ -147,7 +195,16 @@ impl LightsFile {
         LoadOptions { without_lights: self.without_lights, lights: placed.collect(), ..options }
     }
 
-    /// Applies the settings to the lighting `x` of a scene; `path` names the file in messages.
+    /// Records those lights of a scene white to which the file gives a colour.
+    pub fn record_white(&self, scene: &mut Scene) {
+        let is_colored = |l: &LightSetting| l.color.is_some() || l.color_temperature.is_some();
+        for l in self.lights.iter().filter(|l| is_colored(l)) {
+            scene.lights.iter_mut().filter(|light| light.name == l.name).for_each(Light::record_white);
+        }
+    }
+
+    /// Applies the settings to the lighting `x` of a scene, whose lights with a colour of the file are [recorded
+    /// white](Self::record_white); `path` names the file in messages.
     ///
     /// # Errors
     /// With the key, when a name is unknown or a value outside its range.
@@ -165,6 +222,9 @@ impl LightsFile {
                 return Err(fail("lights.name".into(), format!("the scene has no light `{}`{hint}", l.name)));
             };
             x.radiance[i] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+            if let Some(color) = color(l).map_err(|(key, message)| fail(key, message))? {
+                *x.color_mut(i) = color;
+            }
             let Some(given) = l.size else { continue };
             let (size, fixed) = (given as f32, scene.lights[i].size);
             let key = format!("lights.{}.size", l.name);
@@ -208,12 +268,27 @@ impl LightsFile {
     ) -> Result<(), LightingError> {
         let fail = |key: String, message: String| LightingError::Key { path: path.into(), key, message };
         for l in &self.lights {
+            if let Some(leader) = about.group(&l.name) {
+                x.radiance[leader] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+                for tie in &about.ties {
+                    x.radiance[tie.light] = tie.ratio(x).0 * x.radiance[tie.leader];
+                }
+                continue;
+            }
             let Some(i) = about.lights.iter().position(|n| *n == l.name) else {
                 let known = about.lights.join(", ");
                 let message = format!("the basis has no light `{}`; it has {known}", l.name);
                 return Err(fail("lights.name".into(), message));
             };
             x.radiance[i] = f64::from(radiance(l).map_err(|(key, message)| fail(key, message))?);
+            if let Some(color) = color(l).map_err(|(key, message)| fail(key, message))? {
+                if !about.white.get(i).is_some_and(|white| *white) {
+                    let message = "the basis has the light in a colour of its own; `run --free color` makes one in \
+                                   which it can be set";
+                    return Err(fail(format!("lights.{}.color", l.name), message.into()));
+                }
+                *x.color_mut(i) = color;
+            }
             let Some(given) = l.size else { continue };
             let (size, got) = (given as f32, Number(given));
             let cells = &layout.lights[i];
@@ -252,6 +327,30 @@ impl LightsFile {
             x.exposure = f64::from(exposure);
         }
         Ok(())
+    }
+}
+
+/// The colour that a light is given, if it is; or its key and what is wrong with it.
+fn color(light: &LightSetting) -> Result<Option<LightColor>, (String, String)> {
+    let fail = |key: &str, message: String| Err((format!("lights.{}.{key}", light.name), message));
+    let (tint, [least, most]) = (light.tint.unwrap_or(0.0), TEMPERATURES);
+    if !(-MAX_TINT..=MAX_TINT).contains(&tint) {
+        return fail("tint", format!("must be from -{MAX_TINT} to {MAX_TINT}, got {}", Number(tint)));
+    }
+    match (light.color, light.color_temperature) {
+        (Some(rgb), _) => {
+            let is_color = rgb.iter().all(|v| (0.0..=MAX_RADIANCE).contains(v)) && rgb != [0.0; 3];
+            if !is_color {
+                let got = Numbers(&rgb.map(f64::from));
+                return fail("color", format!("channels must be >= 0 and not all 0, got {got}"));
+            }
+            Ok(Some(LightColor::Rgb(rgb.map(f64::from))))
+        }
+        (None, Some(kelvin)) if !(least..=most).contains(&kelvin) => {
+            fail("color_temperature", format!("must be from {least} to {most} K, got {}", Number(kelvin)))
+        }
+        (None, Some(kelvin)) => Ok(Some(LightColor::Temperature { kelvin, tint })),
+        (None, None) => Ok(None),
     }
 }
 

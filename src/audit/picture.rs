@@ -27,7 +27,7 @@ pub fn exr(
     measure: Measure,
     attribute: Value,
 ) -> ExrImage {
-    let display = measure.encode_image(&picture.rgb, exposure);
+    let display = measure.of_luminance().encode_image(&picture.rgb, exposure);
     let mut parts = vec![
         ExrPart::rgb("rgb", &picture.rgb),
         ExrPart::single("luminance", "l", display.iter().map(|&l| l as f32).collect()),

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use crate::{
     integrator::aov::{Aovs, Features},
     lighting::Lighting,
-    math::{Measure, ViewTransform, display::LuminanceMode},
+    math::{Measure, Rgb, ViewTransform, display::LuminanceMode},
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
-    transport::TransportBasis,
+    transport::{Brought, Layout, TransportBasis},
     variables::{ParamVector, Scale, Tie, Variable, VariableKind},
 };
 
@@ -36,6 +36,13 @@ pub struct About {
     /// Radiances that follow others.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ties: Vec<Tie>,
+    /// Power of each light at radiance 1 and size 1, W, and whether it grows with the square of the size; empty in
+    /// bases of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub watts: Vec<(f64, bool)>,
+    /// Whether each light is recorded white and with its colour, so that it may be seen in any; empty where none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub white: Vec<bool>,
     /// What the camera sees, by which pictures are denoised; `None` in bases of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub features: Option<StoredFeatures>,
@@ -81,8 +88,11 @@ impl StoredFeatures {
 /// A variable as it is stored, by its name.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StoredVariable {
-    /// `LIGHT.radiance`, `LIGHT.size` or `background.value`.
+    /// `LIGHT.radiance`, `GROUP.radiance`, `LIGHT.size`, `background.value` and the like.
     pub name: String,
+    /// Name of the light whose variable it is, where the variable is that of a group.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<String>,
     /// Lower bound of the value.
     pub lower: f64,
     /// Upper bound of the value.
@@ -93,7 +103,28 @@ pub struct StoredVariable {
     pub scale: Scale,
 }
 
+impl StoredVariable {
+    /// Kind of the variable, and the index of its light in `lights`.
+    fn of(&self, lights: &[String]) -> Option<(VariableKind, usize)> {
+        let name = match (&self.light, self.name.rsplit_once('.')) {
+            (Some(light), Some((_, suffix))) => format!("{light}.{suffix}"),
+            _ => self.name.clone(),
+        };
+        VariableKind::of_name(&name, lights)
+    }
+}
+
 impl About {
+    /// Index of the light whose radiance is the variable of a group of this name.
+    #[must_use]
+    pub fn group(&self, name: &str) -> Option<usize> {
+        let is_group = |v: &&StoredVariable| {
+            v.light.is_some() && v.name.rsplit_once('.').is_some_and(|(group, _)| group == name)
+        };
+        let (_, leader) = self.variables.iter().find(is_group)?.of(&self.lights)?;
+        Some(leader)
+    }
+
     /// Description of a scene, the lighting of what does not vary, and the variables, without features.
     #[must_use]
     pub fn new(
@@ -126,6 +157,8 @@ impl About {
                 .iter()
                 .map(|v| StoredVariable {
                     name: v.name.clone(),
+                    light: Some(scene.lights[v.light].name.clone())
+                        .filter(|light| v.kind.is_of_light() && v.kind.variable_name(light) != v.name),
                     lower: v.lower,
                     upper: v.upper,
                     initial: v.initial,
@@ -133,6 +166,12 @@ impl About {
                 })
                 .collect(),
             ties: variables.ties.clone(),
+            white: Vec::new(),
+            watts: scene
+                .lights
+                .iter()
+                .map(|l| (f64::from(l.unit_power(if l.has_size() { 1.0 } else { l.size })), l.has_size()))
+                .collect(),
             features: None,
         }
     }
@@ -143,15 +182,32 @@ impl About {
         let layout = basis.layout();
         let n = layout.lights.len();
         [self.lights.len(), self.fixed.radiance.len(), self.fixed.size.len()] == [n; 3]
+            && [0, n].contains(&self.fixed.color.len())
+            && [0, n].contains(&self.white.len())
+            && [0, n].contains(&self.watts.len())
+            && (self.white.is_empty() || layout.planes > 1)
             && self.mask.iter().try_fold(0_usize, |sum, &n| sum.checked_add(n)) == Some(layout.n_pixels())
-            && self.variables.iter().all(|v| VariableKind::of_name(&v.name, &self.lights).is_some())
-            && self.ties.iter().all(|t| t.light < n && t.leader < n && t.factor.is_finite())
+            && self.variables.iter().all(|v| v.of(&self.lights).is_some())
+            && self.ties.iter().all(|t| {
+                let is_sound = t.brought.as_ref().is_none_or(|of| of.iter().all(Brought::is_sound));
+                t.light < n && t.leader < n && t.factor.is_finite() && is_sound
+            })
+    }
+
+    /// The same description, of a basis with the colour of its replicates, in which lights that are recorded white
+    /// may be seen in any colour.
+    #[must_use]
+    pub fn with_colors(self, scene: &Scene, layout: &Layout) -> Self {
+        if layout.planes == 1 {
+            return self;
+        }
+        Self { white: scene.lights.iter().map(|light| light.color == Rgb::ONE).collect(), ..self }
     }
 
     /// Measure of luminance of the run that rendered the basis.
     #[must_use]
     pub fn measure(&self) -> Measure {
-        Measure { view: self.view, luminance: self.luminance }
+        Measure { view: self.view, luminance: self.luminance, color: false }
     }
 
     /// Mask of the main object, row by row from the top.
@@ -164,8 +220,8 @@ impl About {
     #[must_use]
     pub fn variables(&self) -> ParamVector {
         let variables = self.variables.iter().filter_map(|v| {
-            let (kind, light) = VariableKind::of_name(&v.name, &self.lights)?;
-            let StoredVariable { ref name, lower, upper, initial, scale } = *v;
+            let (kind, light) = v.of(&self.lights)?;
+            let StoredVariable { ref name, lower, upper, initial, scale, .. } = *v;
             Some(Variable { name: name.clone(), unit: "", lower, upper, initial, scale, kind, light })
         });
         ParamVector { variables: variables.collect(), ties: self.ties.clone() }
@@ -192,7 +248,7 @@ impl About {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::{Layout, SizeBins, ValueNodes};
+    use crate::transport::{SizeBins, ValueNodes};
 
     #[test]
     fn features_come_back_exactly_and_those_of_another_size_do_not() {
@@ -215,7 +271,8 @@ mod tests {
     fn a_mask_whose_lengths_wrap_around_does_not_fit() {
         let layout = Layout::new((3, 2).into(), vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 1));
         let basis = TransportBasis::new(layout, 1);
-        let fixed = Lighting { radiance: vec![1.0], size: vec![1.0], value: 1.0, exposure: 1.0 };
+        let fixed =
+            Lighting { radiance: vec![1.0], size: vec![1.0], value: 1.0, exposure: 1.0, color: Vec::new() };
         let about = |mask: &[usize]| About {
             scene: String::new(),
             lights: vec!["key".into()],
@@ -225,6 +282,8 @@ mod tests {
             mask: mask.into(),
             variables: Vec::new(),
             ties: Vec::new(),
+            white: Vec::new(),
+            watts: Vec::new(),
             features: None,
         };
         assert!(about(&[2, 4]).fits(&basis));

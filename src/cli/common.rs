@@ -21,11 +21,11 @@ use crate::{
     integrator::{Integrator, IntegratorKind},
     lighting::{self, Lighting, MAX_EXPOSURE},
     math::{ViewTransform, display::LuminanceMode},
-    photo::Look,
+    photo::{Look, Matched},
     picture::Note,
     sampler::SamplerKind,
     scene::Scene,
-    variables::{KINDS, VariableKind, Wishes},
+    variables::{VariableKind, Wishes},
 };
 
 /// Options of light transport.
@@ -188,6 +188,35 @@ impl From<LuminanceArg> for LuminanceMode {
     }
 }
 
+/// [`Matched`] as options.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct MatchArgs {
+    /// What of a photograph, or of a class of photographs, is matched
+    #[arg(long = "match", value_name = "WHAT", value_enum, default_value_t = MatchArg::Luminance)]
+    pub matched: MatchArg,
+}
+
+/// [`Matched`] as an option.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum MatchArg {
+    /// Brightness alone, as f_q is defined
+    #[default]
+    Luminance,
+    /// Colour too: its means and spread on object and background, and its joint histogram
+    Colour,
+}
+
+impl MatchArgs {
+    /// What is matched.
+    #[must_use]
+    pub fn get(self) -> Matched {
+        match self.matched {
+            MatchArg::Luminance => Matched::Luminance,
+            MatchArg::Colour => Matched::Colour,
+        }
+    }
+}
+
 /// What is wished of the lights.
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Lights")]
@@ -208,12 +237,12 @@ pub struct TieArgs {
     #[arg(long, value_name = "LIGHT=LIGHT*X")]
     pub tie: Vec<String>,
 
-    /// Mean luminance that a light brings to the main object as a multiple of what another brings, at their
-    /// present sizes, which then stay: fill=key/4, fill=key-2stops
+    /// Mean luminance that a light brings to the main object as a multiple of what another brings, at whatever sizes:
+    /// fill=key/4, fill=key-2stops
     #[arg(long, value_name = "LIGHT=LIGHT/X")]
     pub ratio: Vec<String>,
 
-    /// Lights whose radiances keep the ratio that they have, with one variable, that of the first:
+    /// Lights whose radiances keep the ratio that they have, with one variable of the group's name, warm.radiance:
     /// warm=key,fill
     #[arg(long, value_name = "NAME=LIGHT,LIGHT")]
     pub group: Vec<String>,
@@ -402,7 +431,8 @@ pub fn load_lit_scene(
         return Ok((loaded, lighting, None));
     };
     let file = LightsFile::load(lights)?;
-    let loaded = load_any_scene(path, &file.load_options(options), say)?;
+    let mut loaded = load_any_scene(path, &file.load_options(options), say)?;
+    file.record_white(&mut loaded.scene);
     let mut lighting = authored(&loaded.scene, None);
     file.apply(&loaded.scene, &mut lighting, lights)?;
     lighting.exposure = exposed(exposure).unwrap_or(lighting.exposure);
@@ -423,7 +453,7 @@ fn exposed(exposure: Option<f64>) -> Option<f64> {
 
 /// Parses a kind of variable.
 pub fn free_kinds() -> impl TypedValueParser<Value = VariableKind> {
-    let possible = KINDS.map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
+    let possible = VariableKind::words().map(|kind| PossibleValue::new(kind.keyword()).help(kind.help()));
     let parser = PossibleValuesParser::new(possible);
     parser.try_map(|word| VariableKind::named(&word).ok_or("no such kind of variable"))
 }

@@ -8,12 +8,12 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::common::{say_look, say_notes, views};
+use super::common::{MatchArgs, say_look, say_notes, views};
 use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
 use crate::film::image_file::{MaskImage, read_mask};
 use crate::math::{Measure, ViewTransform};
-use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Objective, Replicates, Target};
-use crate::photo::Look;
+use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Replicates, Target};
+use crate::photo::{Look, weights::Weights};
 use crate::picture::{Picture, Purpose, Reading, Transfer};
 
 /// Bytes of a pixel beside the picture: its brightness and its mask.
@@ -58,6 +58,15 @@ pub struct EvaluateArgs {
     /// Mask of the main object, of the picture's size: white on the object, or transparent around it
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
+
+    /// Weights in [0, 1] in the place of the mask: how much each pixel is main object, white being 1 (a map of
+    /// saliency); of any size
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
+
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
 
     /// Layer of an EXR that has several [default: the one that is the picture, by its name]
     #[arg(long, value_name = "NAME")]
@@ -158,7 +167,9 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
         path.display()
     );
     let target = match (look, &stored.target) {
-        (Some(look), _) => look.into_target(luminance, picture.width.max(picture.height))?,
+        (Some(look), _) => {
+            look.into_target(luminance, picture.width.max(picture.height), args.matched.get())?
+        }
         (None, Some(value)) => {
             Target::from_value(value).with_context(|| format!("{}: stored target", path.display()))?
         }
@@ -190,10 +201,10 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
     Ok(Subject {
         picture,
         mask,
-        target,
         exposure: args.exposure.or(stored.exposure).unwrap_or(1.0),
-        measure: Measure { view, luminance },
+        measure: Measure { view, luminance, color: target.needs_color() },
         recorded: stored.f_q.filter(|_| as_recorded),
+        target,
     })
 }
 
@@ -213,7 +224,8 @@ fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
     let Subject { picture, measure, exposure, .. } = subject;
     let Picture { width, height, .. } = *picture;
     let n = picture.n_pixels();
-    let l: Vec<f64> = (0..n).map(|i| measure.encode(picture.over_black(i), *exposure)).collect();
+    let rgb: Vec<[f32; 3]> = (0..n).map(|i| picture.over_black(i)).collect();
+    let l = measure.encode_image(&rgb, *exposure);
     // Those of a picture that was seen through srgb have no colour, which other views need.
     let n_linear = measure.n_planes() * n;
     let with_planes = picture.replicates.iter().filter(|planes| planes.len() >= n_linear);
@@ -225,8 +237,10 @@ fn measure(subject: &Subject, args: &EvaluateArgs) -> anyhow::Result<Measured> {
     }
     // The picture has pixels, as many as the mask: what is wrong is what the mask marks.
     let mask = args.mask.as_ref().unwrap_or(&args.image);
-    let objective = Objective::new(&subject.target, width, height, &subject.mask.object)
-        .with_context(|| mask.display().to_string())?;
+    let weights = args.weights.as_deref().map(Weights::read).transpose()?;
+    let objective =
+        Weights::objective(weights.as_ref(), &subject.target, [width, height], &subject.mask.object)
+            .with_context(|| mask.display().to_string())?;
     let plain = objective.evaluate(&l);
     if linear.is_empty() {
         return Ok(Measured { evaluation: plain, of_picture: None });
@@ -279,6 +293,7 @@ fn to_table(subject: &Subject, measured: &Measured, path: &Path) -> String {
         .map(|(_, goal)| match goal {
             Goal::Value(value) => format!("{value:.6}"),
             Goal::Signature(signature) => signature.name().to_owned(),
+            Goal::Palette(palette) => palette.name().to_owned(),
         })
         .collect();
     let wide = wanted.iter().map(|w| w.chars().count()).fold(8, usize::max);

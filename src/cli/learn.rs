@@ -9,7 +9,7 @@ use clap::Args;
 use rayon::prelude::*;
 
 use super::{
-    common::{in_pool, say_note},
+    common::{MatchArgs, in_pool, say_note},
     output::{print, print_json},
     resume,
 };
@@ -17,6 +17,7 @@ use crate::audit::products::Products;
 use crate::audit::unfinished::{Unfinished, beside};
 use crate::audit::write_whole;
 use crate::files::atomic::probe;
+use crate::objective::palette::Palette;
 use crate::objective::signature::library::{
     Class, LONGEST_SIDE, Library, Method, PhotoRecord, is_class_name,
 };
@@ -25,7 +26,7 @@ use crate::objective::target::DEFAULT_WEIGHTS;
 use crate::objective::{LuminanceMode, Target};
 use crate::photo::folder::{Listing, list, masks, sha256};
 use crate::photo::learn::{Learned, Measured, confusion, learn};
-use crate::photo::{Photo, PhotoError};
+use crate::photo::{Matched, Photo, PhotoError};
 use crate::picture::Note;
 
 /// Learn signatures of looks from folders of photographs
@@ -64,6 +65,10 @@ pub struct LearnArgs {
     /// ending), of its size
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
+
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
 
     /// Wasserstein barycentre of the histograms instead of their mean
     #[arg(long)]
@@ -276,7 +281,7 @@ fn gather(args: &LearnArgs, folder: &Folder, products: &Products) -> anyhow::Res
 }
 
 /// Kind of the product that is what was measured of a photograph.
-const KIND: &str = "photo";
+const KIND: &str = "photo-2";
 
 /// What a file is known by without reading it: path, length and time of its last change.
 fn known_by(path: &Path) -> String {
@@ -294,18 +299,18 @@ fn measure_once(
 ) -> anyhow::Result<Outlook> {
     let key = Products::key(&format!("{} {:?} {longest}", known_by(path), mask.map(known_by)), &[]);
     let kept = products.load(key, KIND).and_then(|bytes| serde_json::from_slice(&bytes).ok());
-    if let Some((sha256, cumulated, values)) = kept
+    if let Some((sha256, cumulated, palette, values)) = kept
         && let Ok(cumulated) = Vec::<f64>::try_into(cumulated)
     {
         let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let record = PhotoRecord { file, sha256 };
-        return Ok(Outlook::Read(Box::new((record, Measured { cumulated, values }, Vec::new()))));
+        return Ok(Outlook::Read(Box::new((record, Measured { cumulated, palette, values }, Vec::new()))));
     }
     let outlook = measure_one(path, mask, longest as usize)?;
     if let Outlook::Read(read) = &outlook
         && read.2.is_empty()
     {
-        let content = (&read.0.sha256, read.1.cumulated.as_slice(), read.1.values);
+        let content = (&read.0.sha256, read.1.cumulated.as_slice(), &read.1.palette, read.1.values);
         products.save(key, KIND, say_note, |out| Ok(serde_json::to_writer(out, &content)?));
     }
     Ok(outlook)
@@ -321,10 +326,13 @@ fn measure_one(path: &Path, mask: Option<&Path>, longest: usize) -> anyhow::Resu
     let reduced = photo.reduced(longest);
     // An EXR may bring a mask of its own; whole looks need one of every photograph.
     let measured = match mask {
-        None => Measured { cumulated: reduced.cumulated(LuminanceMode::Srgb), values: None },
+        None => {
+            let z = reduced.measure_whole(LuminanceMode::Srgb);
+            Measured { cumulated: z.cumulated(), palette: z.palette(), values: None }
+        }
         Some(_) => {
             let z = reduced.measure(LuminanceMode::Srgb)?;
-            Measured { cumulated: z.cumulated(), values: Some(z.values()) }
+            Measured { cumulated: z.cumulated(), palette: z.palette(), values: Some(z.values_with_color()) }
         }
     };
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -345,6 +353,7 @@ fn outcome(
         count: photos.len(),
         outliers: outliers.map(|(record, _)| record.file.clone()).collect(),
         cumulated: learned.signature.to_vec(),
+        palette: learned.palette.clone(),
         photos,
     };
     let target = match learned.values {
@@ -354,7 +363,15 @@ fn outcome(
             let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let signature = Signature::new(&class.name, Shape::Cumulated(class.cumulated.clone()))
                 .with_context(|| format!("class `{}`", class.name))?;
-            Some((path, Target::new(name, &values, DEFAULT_WEIGHTS, signature)))
+            let palette = Palette::new(&class.name, class.palette.clone())
+                .with_context(|| format!("class `{}`", class.name))?;
+            let plain = Target::new(name, &values, DEFAULT_WEIGHTS, signature);
+            let target = if args.matched.get() == Matched::Colour {
+                plain.with_palette(palette)
+            } else {
+                plain.without_color()
+            };
+            Some((path, target))
         }
     };
     Ok(Outcome { class, learned, target })

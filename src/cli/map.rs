@@ -8,7 +8,9 @@ use glam::{UVec2, Vec3};
 use image::{Rgb, RgbImage};
 
 use super::{
-    common::{CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, parse_size, say_look},
+    common::{
+        CameraArgs, ConfinementArgs, MatchArgs, TransportArgs, ViewArgs, load_lit_scene, parse_size, say_look,
+    },
     output::print,
     progress::Console,
 };
@@ -51,6 +53,10 @@ pub struct MapArgs {
     /// The look: high-key, low-key, a target file, a photograph, or LIBRARY.toml#CLASS
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
+
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
 
     /// Present lighting, as `run` writes it [default: the scene's own]
     #[arg(long, value_name = "FILE")]
@@ -107,8 +113,10 @@ pub fn map(args: &MapArgs) -> anyhow::Result<()> {
         let (options, given) = (args.camera.options(args.confinement), (args.lights.as_deref(), None));
         let (loaded, lighting, view) = load_lit_scene(&args.scene, options, given, |w| console.note(w))?;
         let luminance = LuminanceMode::Srgb;
-        let measure = Measure { view: args.view.of_scene(view, &loaded, |w| console.note(w)), luminance };
-        let target = look.into_target(luminance, args.work_size.max_element() as usize)?;
+        let view = args.view.of_scene(view, &loaded, |w| console.note(w));
+        let target =
+            look.into_target(luminance, args.work_size.max_element() as usize, args.matched.get())?;
+        let measure = Measure { view, luminance, color: target.needs_color() };
         let (integrator, sampler) = (args.transport.integrator(), args.transport.sampler);
         let renderer = Renderer { integrator, sampler, measure };
         let survey = Survey {

@@ -11,6 +11,7 @@ pub mod figures;
 pub mod learn;
 pub mod map;
 mod output;
+mod pareto;
 mod progress;
 mod recorded;
 pub mod relight;

@@ -102,7 +102,7 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
     };
     if is_exr {
         let luminance = args.luminance.map_or(about.luminance, Into::into);
-        let measure = Measure { view, luminance };
+        let measure = Measure { view, luminance, color: false };
         let n = shown.rgb.len();
         let aovs = Aovs {
             width: shown.width,

@@ -15,8 +15,8 @@ use serde_json::json;
 use super::{
     choices::{GRADIENTS, one_of},
     common::{
-        CameraArgs, ConfinementArgs, LuminanceArg, PictureArgs, TieArgs, TransportArgs, ViewArgs, authored,
-        free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
+        CameraArgs, ConfinementArgs, LuminanceArg, MatchArgs, PictureArgs, TieArgs, TransportArgs, ViewArgs,
+        authored, free_kinds, load_any_scene, luminance_mode, parse_exposure, parse_spp, say_look,
     },
     environments::skies,
     output::{print, print_json},
@@ -35,8 +35,9 @@ use crate::{
         rig::{self, Order},
     },
     import::{self, LoadOptions, Loaded},
+    lighting::Lighting,
     math::Measure,
-    photo::Look,
+    photo::{Look, weights::Weights},
     variables::{FreeKinds, VariableKind},
 };
 
@@ -87,10 +88,19 @@ pub struct RunArgs {
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
 
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
+
     /// Mask of the main object of the photograph that is the target, of its size (upright): white on
     /// the object [default: that of an EXR of this program]
     #[arg(long, value_name = "FILE", conflicts_with = "targets")]
     pub target_mask: Option<PathBuf>,
+
+    /// Weights in [0, 1] in the place of the mask of the main object: how much each pixel is main object, white being
+    /// 1 (a map of saliency); of any size
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
 
     /// Several looks from one simulation, each recorded in a directory of its own below DIR; up to
     /// four are found together and share all renders
@@ -302,11 +312,18 @@ fn work(
             loaded = load_any_scene(args.scene(), &LoadOptions { without_lights, ..load }, |_| ())?;
         }
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
-        let Loaded { scene, mut constraints, wishes, staging, .. } = loaded;
+        let Loaded { mut scene, mut constraints, wishes, staging, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
         let mut authored = authored(&scene, args.exposure);
         let wishes = args.ties.wishes(&wishes);
         wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
+        let free = args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds);
+        for (light, constraints) in scene.lights.iter_mut().zip(&constraints.lights) {
+            if free.intersection(&constraints.free).0.iter().any(|kind| kind.is_of_color()) {
+                light.record_white();
+            }
+        }
+        authored.color = Lighting::authored(&scene).color;
         let size = args.pictures.size.unwrap_or_else(|| scene.camera.size());
         let work_size = args.pictures.work_size.unwrap_or_else(|| {
             let height = (WORK_WIDTH * size.y).div_ceil(size.x).max(1);
@@ -316,7 +333,9 @@ fn work(
         let longest = work_size.max_element() as usize;
         let jobs: Vec<Job> = wanted
             .into_iter()
-            .map(|(look, out)| Ok(Job { target: look.into_target(luminance, longest)?, out }))
+            .map(|(look, out)| {
+                Ok(Job { target: look.into_target(luminance, longest, args.matched.get())?, out })
+            })
             .collect::<anyhow::Result<_>>()?;
         let options = RunOptions {
             jobs: jobs.clone(),
@@ -328,20 +347,29 @@ fn work(
             memory: args.memory,
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
-            measure: Measure { view, luminance },
+            weights: args.weights.as_deref().map(Weights::read).transpose()?,
+            measure: Measure { view, luminance, color: jobs.iter().any(|job| job.target.needs_color()) },
             size,
             work_size,
             spp: args.spp,
             final_spp: args.final_spp,
             final_noise: args.pictures.final_noise,
             denoise: !args.pictures.no_denoise,
-            free: args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds),
+            free,
             seed: args.transport.seed,
             max_evaluations: args.max_evaluations,
             force,
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
         };
+        let is_colored = options.free.0.iter().any(|kind| kind.is_of_color());
+        if let Some(job) = jobs.iter().find(|job| job.target.needs_color() && !is_colored) {
+            console.note(&format!(
+                "{} asks for colours, and those of the lights stay as they are; `--free radiance,size,background,color` \
+                 varies them",
+                job.target.name()
+            ));
+        }
         if args.move_lights && !constraints.bonds.is_empty() {
             bail!(
                 "--move-lights: lights that follow others (--tie, --ratio, --group, [ties]) cannot be moved"

@@ -7,7 +7,8 @@ use clap::Args;
 use plotters::prelude::*;
 
 use super::{
-    common::{say_look, views},
+    common::{MatchArgs, say_look, views},
+    pareto::pareto,
     relight,
 };
 use crate::{
@@ -17,6 +18,7 @@ use crate::{
     math::{Measure, ViewTransform},
     objective::{JackknifeEstimate, LABELLINGS, Term},
     photo::Look,
+    transport::TransportBasis,
     variables::ParamVector,
 };
 
@@ -36,17 +38,28 @@ pub struct ScanArgs {
     #[arg(value_name = "BASIS")]
     pub basis: PathBuf,
 
-    /// Variable: LIGHT.radiance, LIGHT.size or background.value
-    #[arg(long, value_name = "NAME")]
-    pub variable: String,
+    /// Variable: LIGHT.radiance, LIGHT.size, LIGHT.color_temperature, background.value and others that were free
+    #[arg(long, value_name = "NAME", required_unless_present = "pareto", conflicts_with = "pareto")]
+    pub variable: Option<String>,
 
-    /// Number of values, evenly spread over the optimiser's scale between the variable's bounds
+    /// In the place of a variable, the front between two aims over all variables: terms of the target (meanObj),
+    /// looks, or watts, the power of all lights. Beside the table and its plot are small pictures along the front with
+    /// their lightings
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    pub pareto: Option<Vec<String>>,
+
+    /// Number of values, evenly spread over the optimiser's scale between the variable's bounds; of a front, of the
+    /// bounds of its second aim
     #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(2..=100_000))]
     pub steps: u32,
 
     /// The look: high-key, low-key, a target file, a photograph, or LIBRARY.toml#CLASS
     #[arg(long, value_name = "NAME|FILE", default_value = "high-key")]
     pub target: String,
+
+    /// What of a photograph is matched.
+    #[command(flatten)]
+    pub matched: MatchArgs,
 
     /// Lighting, as `run` writes it [default: the start of the run that stored the basis]
     #[arg(long, value_name = "FILE")]
@@ -67,6 +80,10 @@ pub struct ScanArgs {
 /// # Errors
 /// When the basis, the lighting or the variable is wrong, or nothing can be written.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
+    if let Some(names) = &args.pareto {
+        return pareto(args, names);
+    }
+    let wanted = args.variable.as_deref().unwrap_or_default();
     let look = Look::resolve(&args.target, None)?;
     say_look(&look);
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv")) {
@@ -74,24 +91,17 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     }
     crate::files::atomic::probe(&args.output)?;
     let (basis, about) = relight::load(&args.basis)?;
-    let measure = Measure { view: args.view.unwrap_or(about.view), ..about.measure() };
-    if measure.n_planes() > basis.layout().planes {
-        bail!(
-            "{}: --view {}: the basis has the luminance of its replicates alone; `run --view {}` makes one with \
-             their colour",
-            args.basis.display(),
-            measure.view,
-            measure.view
-        );
-    }
     let longest = basis.layout().size.max_element() as usize;
-    let target = look.into_target(about.luminance, longest)?;
+    let target = look.into_target(about.luminance, longest, args.matched.get())?;
+    let view = args.view.unwrap_or(about.view);
+    let measure = Measure { view, color: target.needs_color(), ..about.measure() };
+    check_planes(args, &basis, measure)?;
     let all = about.variables();
-    let Some(variable) = all.variables.iter().find(|v| v.name == args.variable) else {
+    let Some(variable) = all.variables.iter().find(|v| v.name == wanted) else {
         let names = || all.variables.iter().map(|v| v.name.as_str());
-        let hint = nearest(&args.variable, names())
+        let hint = nearest(wanted, names())
             .map_or_else(|| names().collect::<Vec<_>>().join(", "), |n| format!("did you mean `{n}`?"));
-        bail!("{}: no variable `{}`; {hint}", args.basis.display(), args.variable);
+        bail!("{}: no variable `{}`; {hint}", args.basis.display(), wanted);
     };
     let mut fixed = about.lighting();
     if let Some(path) = &args.lights {
@@ -114,9 +124,9 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         rows.push((variable.decode(u), evaluator.estimate(&[u], LABELLINGS)?));
     }
     let here = *variable.kind.value(&mut fixed, variable.light);
-    write_whole(&args.output, table(&args.variable, &rows)?)?;
+    write_whole(&args.output, table(wanted, &rows)?)?;
     let plot_path = args.output.with_extension("png");
-    write_whole(&plot_path, plot(&args.variable, target.name(), here, &rows)?)?;
+    write_whole(&plot_path, plot(wanted, target.name(), here, &rows)?)?;
     let Some((x, best)) = rows.iter().min_by(|a, b| a.1.evaluation.f_q.total_cmp(&b.1.evaluation.f_q)) else {
         return Ok(());
     };
@@ -124,10 +134,28 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         "least f_q {:.4} ± {:.4} at {} = {x:.5}\n{}\n{}\n",
         best.evaluation.f_q,
         best.error_bar(),
-        args.variable,
+        wanted,
         args.output.display(),
         plot_path.display()
     ))
+}
+
+/// An error where the basis has no colour that the measure needs.
+///
+/// # Errors
+/// When it has none.
+pub(super) fn check_planes(args: &ScanArgs, basis: &TransportBasis, measure: Measure) -> anyhow::Result<()> {
+    if measure.n_planes() > basis.layout().planes {
+        let why = match args.view {
+            Some(view) if view != ViewTransform::Srgb => format!("--view {view}"),
+            _ => format!("--target {}", args.target),
+        };
+        bail!(
+            "{}: {why}: the basis has the luminance of its replicates alone; `run {why}` makes one with their colour",
+            args.basis.display()
+        );
+    }
+    Ok(())
 }
 
 /// The CSV: a header, then a line for each value of the variable.
@@ -151,16 +179,10 @@ const PLOT: (u32, u32) = (960, 600);
 
 /// A PNG: f_q with its error, and the share of each term.
 fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) -> anyhow::Result<Vec<u8>> {
-    // The font is part of the program: a headless machine may have none.
-    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-        .map_err(|_| anyhow::anyhow!("cannot read the font"))?;
-    let mut pixels = vec![0_u8; (PLOT.0 * PLOT.1 * 3) as usize];
-    {
-        let root = BitMapBackend::with_buffer(&mut pixels, PLOT).into_drawing_area();
-        root.fill(&WHITE)?;
+    png_of(|root| {
         let (low, high) = (rows[0].0, rows[rows.len() - 1].0);
         let top = rows.iter().map(|(_, e)| e.evaluation.f_q + e.error_bar()).fold(0.0_f64, f64::max);
-        let mut chart = ChartBuilder::on(&root)
+        let mut chart = ChartBuilder::on(root)
             .caption(format!("f_q of {target} along {name}"), ("sans-serif", 22))
             .margin(16)
             .x_label_area_size(44)
@@ -194,6 +216,20 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
             .background_style(WHITE.mix(0.8))
             .border_style(BLACK.mix(0.3))
             .draw()?;
+        Ok(())
+    })
+}
+
+/// A PNG that `draw` draws on white.
+pub(super) fn png_of(draw: impl FnOnce(&Canvas) -> anyhow::Result<()>) -> anyhow::Result<Vec<u8>> {
+    // The font is part of the program: a headless machine may have none.
+    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| anyhow::anyhow!("cannot read the font"))?;
+    let mut pixels = vec![0_u8; (PLOT.0 * PLOT.1 * 3) as usize];
+    {
+        let root = BitMapBackend::with_buffer(&mut pixels, PLOT).into_drawing_area();
+        root.fill(&WHITE)?;
+        draw(&root)?;
         root.present()?;
     }
     let mut png = std::io::Cursor::new(Vec::new());
@@ -201,6 +237,9 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
     image.write_to(&mut png, image::ImageFormat::Png)?;
     Ok(png.into_inner())
 }
+
+/// What plots are drawn on.
+pub(super) type Canvas<'a> = DrawingArea<BitMapBackend<'a>, plotters::coord::Shift>;
 
 #[cfg(test)]
 mod tests {

@@ -127,7 +127,8 @@ impl<'a> Evaluator<'a> {
         let count = self.halves.n_replicates();
         scratch.replicates.resize_with(count, Vec::new);
         scratch.replicates.iter_mut().for_each(|i| i.resize(n_linear, 0.0));
-        for (images, n) in [(&mut scratch.display, n), (&mut scratch.slopes, n_linear)] {
+        let n_shown = self.measure.n_shown();
+        for (images, n) in [(&mut scratch.display, n * n_shown), (&mut scratch.slopes, n_linear * n_shown)] {
             images.resize_with(count + 1, Vec::new);
             images.iter_mut().for_each(|i| i.resize(n, 0.0));
         }
@@ -235,7 +236,7 @@ impl<'a> Evaluator<'a> {
         for (dz, adjoints) in dz.iter().zip(&mut *adjoints) {
             adjoints.resize_with(one_out.len(), Vec::new);
             for image in adjoints.iter_mut().chain([&mut *common]) {
-                image.resize(layout.n_pixels(), 0.0);
+                image.resize(layout.n_pixels() * self.measure.n_shown(), 0.0);
             }
             let out = (common.as_mut_slice(), adjoints.as_mut_slice());
             self.objective.adjoints((&display[0], &one_out), z, dz, smoothing.ramp, out)?;
@@ -243,9 +244,10 @@ impl<'a> Evaluator<'a> {
             // every mean that leaves out another.
             let count = one_out.len() as f64;
             let rest = 1.0 / (count - 1.0);
-            to_planes(common, &slopes[0], |s| s / count);
+            let (n, n_shown) = (layout.n_pixels(), self.measure.n_shown());
+            to_planes(common, &slopes[0], (n, n_shown), |s| s / count);
             for (adjoint, slopes) in adjoints.iter_mut().zip(&slopes[1..]) {
-                to_planes(adjoint, slopes, |s| s * rest);
+                to_planes(adjoint, slopes, (n, n_shown), |s| s * rest);
                 common.iter_mut().zip(adjoint).for_each(|(all, a)| *all += *a);
             }
             for adjoint in &mut *adjoints {
@@ -258,8 +260,9 @@ impl<'a> Evaluator<'a> {
                 adjoints[..dz.len()].iter().map(|of| of[replicate].as_slice()).collect();
             tangents.pull_back(&of_replicate, &mut by_lighting);
         }
+        let x = self.lighting(&self.variables.decode(u));
         if self.variables.vary_exposure() {
-            let exposure = self.lighting(&self.variables.decode(u)).exposure;
+            let exposure = x.exposure;
             for (by_lighting, adjoints) in by_lighting.iter_mut().zip(&*adjoints) {
                 // Light enters as its product with the exposure.
                 let dot = |(a, y): (&Vec<f64>, &Vec<f64>)| a.iter().zip(y).map(|(a, y)| a * y).sum::<f64>();
@@ -267,7 +270,7 @@ impl<'a> Evaluator<'a> {
             }
         }
         for (by_lighting, gradient) in by_lighting.iter().zip(gradients) {
-            self.variables.pull_back(u, by_lighting, gradient);
+            self.variables.pull_back(u, &x, by_lighting, gradient);
         }
         Ok(())
     }
@@ -353,10 +356,22 @@ impl<'a> Evaluator<'a> {
     }
 }
 
-/// Carries an adjoint image back from the display to the planes of linear light: each plane is the image times
-/// the `slopes` by that plane, as `factor` has them.
-fn to_planes(adjoint: &mut Vec<f64>, slopes: &[f64], factor: impl Fn(f64) -> f64) {
-    let n = adjoint.len();
+/// Carries an adjoint image of `n` pixels and `n_shown` planes back from the display to the planes of linear light:
+/// each plane is the sum of those of the image times the `slopes` by that plane, as `factor` has them.
+fn to_planes(
+    adjoint: &mut Vec<f64>,
+    slopes: &[f64],
+    (n, n_shown): (usize, usize),
+    factor: impl Fn(f64) -> f64,
+) {
+    let n_linear = slopes.len() / n_shown;
+    if n_shown > 1 {
+        let sum = |i: usize| -> f64 {
+            (0..n_shown).map(|k| adjoint[k * n + i % n] * factor(slopes[k * n_linear + i])).sum()
+        };
+        *adjoint = (0..n_linear).map(sum).collect();
+        return;
+    }
     adjoint.resize(slopes.len(), 0.0);
     // The first plane last, which takes the place of the image.
     for (i, &slope) in slopes.iter().enumerate().rev() {

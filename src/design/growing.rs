@@ -329,16 +329,16 @@ impl Grown {
         let n = self.lightings.len();
         let lightings = &self.lightings;
         let from = &*film;
+        let gains: Vec<Vec<[f64; 3]>> = lightings.iter().map(gains).collect();
         let Sums { own, splats } = &mut self.beauties[replicate];
         let pixels = own.par_chunks_exact_mut(3 * n).zip(splats.par_chunks_exact_mut(3 * n));
         pixels.enumerate().for_each(|(pixel, (own, splats))| {
             for (k, x) in lightings.iter().enumerate() {
-                for (l, &radiance) in x.radiance.iter().enumerate() {
+                for (l, gain) in gains[k].iter().enumerate() {
                     let parts = from.parts(pixel, k * x.n_lights() + l);
-                    let radiance = f64::from(radiance as f32);
                     for c in 0..3 {
-                        own[3 * k + c] += (parts[0][c] * radiance) as f32;
-                        splats[3 * k + c] += (parts[1][c] * radiance) as f32;
+                        own[3 * k + c] += (parts[0][c] * gain[c]) as f32;
+                        splats[3 * k + c] += (parts[1][c] * gain[c]) as f32;
                     }
                 }
             }
@@ -404,17 +404,24 @@ struct Layers<'a> {
     of: &'a Grown,
     /// Index of the lighting.
     k: usize,
+    /// Factors on the contributions of each light.
+    gains: Vec<[f64; 3]>,
     /// Sums of the samples of some halves.
     sums: &'a [Sums],
     /// What makes means of the sums of all these halves together.
     shares: Shares,
 }
 
+/// Factors on the contributions of each light in a lighting.
+fn gains(x: &Lighting) -> Vec<[f64; 3]> {
+    (0..x.n_lights()).map(|l| x.gain_of(l)).collect()
+}
+
 impl<'a> Layers<'a> {
     /// Layers of the k-th lighting, with the samples of a range of the halves of the replicates.
     fn new(of: &'a Grown, k: usize, halves: Range<usize>) -> Self {
         let shares = of.shares(OF_HALF * halves.start..OF_HALF * halves.end);
-        Self { of, k, sums: &of.halves[halves], shares }
+        Self { of, k, gains: gains(&of.lightings[k]), sums: &of.halves[halves], shares }
     }
 
     fn lighting(&self) -> &Lighting {
@@ -426,9 +433,9 @@ impl<'a> Layers<'a> {
         let lighting = self.lighting();
         let n_lights = lighting.n_lights();
         let at = 3 * ((pixel * self.of.lightings.len() + self.k) * n_lights + light);
-        let gain = f64::from(lighting.radiance[light] as f32);
+        let gain = self.gains[light];
         let means = self.sums.iter().map(|sums| self.shares.mean(sums, pixel, at));
-        means.fold([0.0; 3], |total, mean| std::array::from_fn(|c| total[c] + gain * mean[c]))
+        means.fold([0.0; 3], |total, mean| std::array::from_fn(|c| total[c] + gain[c] * mean[c]))
     }
 
     fn pixels<T: Send>(&self, of: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {

@@ -35,6 +35,9 @@ struct NamedTie<'a> {
     light: &'a str,
     follows: &'a str,
     factor: f64,
+    /// `brought` where the factor is of what both bring to the main object, at any size.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    of: Option<&'static str>,
 }
 
 /// The program, its build and the ray tracer.
@@ -186,8 +189,12 @@ pub(super) fn text(
         ties: {
             let name = |light: usize| scene.lights[light].name.as_str();
             let ties = setup.variables.ties.iter();
-            let named =
-                |t: &Tie| NamedTie { light: name(t.light), follows: name(t.leader), factor: t.factor };
+            let named = |t: &Tie| NamedTie {
+                light: name(t.light),
+                follows: name(t.leader),
+                factor: t.factor,
+                of: t.brought.is_some().then_some("brought"),
+            };
             ties.map(named).collect()
         },
     })

@@ -22,6 +22,7 @@ pub mod manifest;
 pub mod noise;
 mod observer;
 mod options;
+pub mod pareto;
 mod pictures;
 mod precision;
 mod products;

@@ -19,6 +19,7 @@ use crate::{
     math::Measure,
     objective::{JackknifeEstimate, ObjectiveError, Target},
     optim::{OptimError, StopReason},
+    photo::weights::Weights,
     sampler::SamplerKind,
     scene::Scene,
     transport::store::StoreError,
@@ -85,6 +86,8 @@ pub struct RunOptions {
     pub integrator: Integrator,
     /// Family of sample sequences.
     pub sampler: SamplerKind,
+    /// Weights in the place of the mask of the main object.
+    pub weights: Option<Weights>,
     /// Measure of luminance.
     pub measure: Measure,
     /// Size of the final picture, pixels.

@@ -24,6 +24,7 @@ use crate::{
     },
     lighting::{Lighting, SamplingPlan},
     objective::{Evaluation, LABELLINGS, Objective, Replicates, Target},
+    photo::weights::Weights,
 };
 
 /// Weight of the picture of the start, where one of lights found has 1: it is only looked at, and may have
@@ -189,8 +190,10 @@ fn take_group(
     let aovs = trace(shots, view);
     let features = options.denoise.then(|| Features::trace(view));
     let features = features.as_ref();
-    let objective =
-        |task: &Task, aovs: &Aovs| Objective::new(&task.job.target, aovs.width, aovs.height, &aovs.mask);
+    let objective = |task: &Task, aovs: &Aovs| {
+        let size = [aovs.width, aovs.height];
+        Weights::objective(setup.options.weights.as_ref(), &task.job.target, size, &aovs.mask)
+    };
     let objectives: Vec<Vec<Objective>> = shots
         .iter()
         .map(|shot| shot.tasks.iter().map(|(_, task)| objective(task, &aovs[0].1)).collect())

@@ -23,6 +23,7 @@ use crate::{
         aov::{self, Features},
     },
     objective::{JackknifeEstimate, LABELLINGS, Objective, Term},
+    photo::weights::Weights,
     scene::Scene,
     variables::{Fitted, Survey},
 };
@@ -42,11 +43,20 @@ pub fn run(
     check_outputs(options, scene)?;
     let camera = scene.camera.resized(options.work_size);
     let view = View { scene, camera: &camera };
-    let aovs = aov::trace(view, 1.0);
+    let mut aovs = aov::trace(view, 1.0);
+    if let Some(weights) = &options.weights {
+        let mask: Vec<bool> = weights.at(aovs.width, aovs.height).into_iter().map(|w| w >= 0.5).collect();
+        // What has no pixel of its own is no start to match.
+        if mask.contains(&true) && mask.contains(&false) {
+            aovs.mask = mask;
+        }
+    }
     let objectives = options
         .jobs
         .iter()
-        .map(|job| Objective::new(&job.target, aovs.width, aovs.height, &aovs.mask))
+        .map(|job| {
+            Weights::objective(options.weights.as_ref(), &job.target, [aovs.width, aovs.height], &aovs.mask)
+        })
         .collect::<Result<Vec<_>, _>>()?;
 
     reporter.stage("survey", Some(u64::from(options.work_size.y)));
@@ -86,6 +96,12 @@ pub fn run(
         Some(basis) => basis.unit_picture(),
     };
     let survey = Survey::new(scene, fitted, constraints, &options.free, options.measure, (&unit, &aovs.mask));
+    let survey = match &basis {
+        Some(basis) if !constraints.bonds.is_empty() => {
+            survey.with_brought(basis.brought(&aovs.mask, fitted.lighting.value))
+        }
+        _ => survey,
+    };
     let variables = survey.variables()?;
     let setup = Setup { stage, variables: &variables };
     let record = Record { subject, content: &content, surveyed: start.elapsed() };

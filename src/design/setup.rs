@@ -11,6 +11,7 @@ use crate::{
     lighting::{Lighting, SampleCounts, SamplingPlan},
     objective::{JackknifeEstimate, Objective, Target},
     optim::StopReason,
+    photo::weights::Weights,
     scene::Scene,
     variables::{Constraints, Fitted, ParamVector},
 };
@@ -90,7 +91,8 @@ impl<'a> Stage<'a> {
                 2 * covered >= n
             })
             .collect();
-        Objective::new(target, size.x as usize, size.y as usize, &mask).ok()
+        Weights::objective(self.options.weights.as_ref(), target, size.to_array().map(|n| n as usize), &mask)
+            .ok()
     }
 }
 

@@ -26,10 +26,13 @@ use crate::{
     integrator::{RenderError, aov::Features},
     light::{LightSampler, SizeDensity},
     lighting::{Lighting, SamplingPlan},
-    math::hash::{hash_bytes, hash_words},
+    math::{
+        hash::{hash_bytes, hash_words},
+        measure::COLOUR_PLANES,
+    },
     objective::Objective,
     scene::Scene,
-    transport::{Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
+    transport::{Brought, Knots, Layout, SizeBins, Source, TransportBasis, ValueNodes, splat_memory},
     variables::BasisRanges,
 };
 
@@ -231,7 +234,8 @@ impl BasisPlan {
             Some(v) => ValueNodes::new(f64::from(v), stage.options.integrator.max_depth),
         };
         let layout = Layout::new(stage.options.work_size, bins.collect(), nodes);
-        layout.with_planes(stage.options.measure.n_planes())
+        let planes = if self.ranges.colors { COLOUR_PLANES } else { stage.options.measure.n_planes() };
+        layout.with_planes(planes)
     }
 
     /// Sampling plan for all sizes and values of the background, with most samples near `foci` if given.
@@ -347,6 +351,11 @@ impl WorkingBasis {
         }
     }
 
+    /// What each light brings to the pixels of a mask by its size, with the background at a value.
+    pub fn brought(&self, mask: &[bool], value: f64) -> Vec<Brought> {
+        self.basis.brought(mask, value)
+    }
+
     /// Writes the basis to the run's own file, if it has one, and to the cache, if it is kept there and has
     /// more samples than the file.
     ///
@@ -357,6 +366,7 @@ impl WorkingBasis {
         let about = About {
             features: setup.features.or(traced.as_ref()).map(StoredFeatures::new),
             ..About::new(setup.scene, &self.plan.fixed, setup.aovs, setup.variables, setup.options.measure)
+                .with_colors(setup.scene, self.basis.layout())
         };
         let about = serde_json::to_value(about).map_err(std::io::Error::from).map_err(RunError::About)?;
         if let Some(path) = &setup.options.basis_file

@@ -110,7 +110,9 @@ impl<'a> ExportJob<'a> {
             radiance: radiance as f32,
             size: size as f32,
         };
-        self.view.scene.lights.iter().zip(settings).map(lit)
+        let color = |l: usize| self.lighting.color_of(l).gain().map_or(Rgb::ONE, Rgb::from_array);
+        let lights = self.view.scene.lights.iter().zip(settings).map(lit).enumerate();
+        lights.map(move |(l, lit)| LitLight { color: lit.light.color * color(l), ..lit })
     }
 
     /// Factor on the base colour's image of the material at `index`, or the base colour

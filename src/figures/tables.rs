@@ -22,6 +22,7 @@ pub fn targets(targets: &[Target; 2]) -> Table {
         let entry = |(_, goal): (Term, &Goal)| match goal {
             Goal::Value(value) => Entry::Number(*value, 2),
             Goal::Signature(signature) => format!("“{}”", signature.name()).into(),
+            Goal::Palette(palette) => format!("“{}”", palette.name()).into(),
         };
         target.goals().map(entry).collect()
     };

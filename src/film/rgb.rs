@@ -9,7 +9,7 @@ use glam::{UVec2, Vec2};
 use rayon::prelude::*;
 
 use super::{Contribution, Film, Recorder, RowRecorder, SplatBuffer};
-use crate::{files::parts::write_numbers, lighting::Lighting};
+use crate::{files::parts::write_numbers, lighting::Lighting, math::Rgb};
 
 /// A film that sums contributions into pictures: one of each light alone, for unit radiance, in one lighting
 /// or in several, or one of each of several lightings.
@@ -37,8 +37,8 @@ struct Route {
     node: usize,
     /// Size of the light in the picture.
     size: f32,
-    /// Factor on the contributions: the light's radiance in the picture, or 1 for unit radiance.
-    gain: f32,
+    /// Factor on the contributions: the light's radiance in the picture with its colour, or 1 for unit radiance.
+    gain: Rgb,
 }
 
 /// Recorder of one row of an [`RgbFilm`].
@@ -109,7 +109,7 @@ impl RgbFilm {
             picture: k * n_lights + l,
             node,
             size: x.size[l] as f32,
-            gain: 1.0,
+            gain: Rgb::ONE,
         };
         let routes = (0..n_lights)
             .map(|l| lightings.iter().enumerate().map(|lighting| route(lighting, l)).collect())
@@ -126,10 +126,12 @@ impl RgbFilm {
         let inv = 1.0 / f64::from(n_samples.max(1));
         let mut rgb = vec![[0.0_f32; 3]; self.size.element_product() as usize];
         let mut lights = vec![rgb.clone(); n_lights];
+        let gains: Vec<[f64; 3]> = (0..n_lights).map(|l| lighting.gain_of(l)).collect();
         for (i, out) in rgb.iter_mut().enumerate() {
             let mut total = [0.0_f64; 3];
             for (l, image) in lights.iter_mut().enumerate() {
-                let v = self.sum(i, l).map(|v| v * inv * f64::from(lighting.radiance[l] as f32));
+                let sum = self.sum(i, l);
+                let v: [f64; 3] = std::array::from_fn(|c| sum[c] * inv * gains[l][c]);
                 image[i] = v.map(|v| v as f32);
                 total = std::array::from_fn(|c| total[c] + v[c]);
             }
@@ -163,8 +165,9 @@ impl RgbFilm {
     pub fn by_lighting(size: UVec2, lightings: &[&Lighting]) -> Self {
         let n_lights = lightings.first().map_or(0, |x| x.n_lights());
         let route = |(k, x): (usize, &&Lighting), l: usize| {
-            let (gain, size) = (x.radiance[l] as f32, x.size[l] as f32);
-            (gain > 0.0).then_some(Route { picture: k, node: k, size, gain })
+            let (radiance, size) = (x.radiance[l] as f32, x.size[l] as f32);
+            let gain = radiance * x.color_of(l).gain().map_or(Rgb::ONE, Rgb::from_array);
+            (radiance > 0.0).then_some(Route { picture: k, node: k, size, gain })
         };
         let routes = (0..n_lights)
             .map(|l| lightings.iter().enumerate().filter_map(|lighting| route(lighting, l)).collect())

@@ -29,7 +29,7 @@ use crate::{
     },
     math::ViewTransform,
     scene::Scene,
-    variables::{Constraints, Wishes},
+    variables::{Constraints, FreeKinds, Wishes},
 };
 
 /// How a scene is loaded.
@@ -262,11 +262,12 @@ impl Source<'_> {
         let lights = self.lights(sidecar, &lights, &mesh, &materials, &mut warnings)?;
         let (lights, light_constraints) = lights.into_iter().unzip();
         let constraints = Constraints {
-            free: sidecar.free.clone(),
+            free: run_free(sidecar),
             lights: light_constraints,
             value_range: self.value_range(sidecar)?,
             movement: self.movement(&sidecar.movement)?,
             bonds: Vec::new(),
+            groups: Vec::new(),
         };
         let name = self.scene_path.file_stem().map_or("scene".into(), |s| s.to_string_lossy());
         let scene =
@@ -289,4 +290,11 @@ impl Source<'_> {
             range => Ok(range.map(|range| range.map(|v| v as f32))),
         }
     }
+}
+/// Kinds of variables that are free in a run where nobody else says: those that the sidecar lists, else the usual
+/// ones and those that one of its lights lists.
+fn run_free(sidecar: &Sidecar) -> FreeKinds {
+    let of_lights = sidecar.lights.iter().filter_map(|light| light.free.as_ref());
+    let or_usual = || of_lights.fold(FreeKinds::default(), FreeKinds::union);
+    sidecar.free.clone().unwrap_or_else(or_usual)
 }

@@ -37,9 +37,8 @@ pub struct Sidecar {
     pub exposure: Option<f64>,
     /// View through which pictures are seen; `srgb` by default.
     pub view: Option<ViewTransform>,
-    /// Kinds of variables that may be free; all by default.
-    #[serde(default)]
-    pub free: FreeKinds,
+    /// Kinds of variables that may be free; all by default, of which the usual ones are.
+    pub free: Option<FreeKinds>,
     /// Crease angle, degrees: edges of an OBJ's meshes without normals that bend by no more are smooth.
     #[serde(default = "default_crease")]
     pub crease_angle: f64,
@@ -289,6 +288,12 @@ pub struct LightSpec {
     pub radiance_max: Option<f64>,
     /// Colour, linear Rec.709, which is scaled to luminance 1; white by default.
     pub color: Option<[f64; 3]>,
+    /// Temperature of the colour, kelvin, in the place of `color`.
+    pub color_temperature: Option<f64>,
+    /// Distance Duv of the colour from the Planckian locus, green above it; 0 by default.
+    pub tint: Option<f64>,
+    /// Least and largest temperature where it is free, kelvin.
+    pub color_temperature_range: Option<[f64; 2]>,
     /// Whether the camera sees the light itself; `true` by default.
     #[serde(default = "yes")]
     pub camera_visible: bool,
@@ -324,6 +329,9 @@ impl LightSpec {
             radiance: None,
             radiance_max: None,
             color: None,
+            color_temperature: None,
+            tint: None,
+            color_temperature_range: None,
             camera_visible: yes(),
             occludes: false,
             free: None,

@@ -22,6 +22,7 @@
 //! it counted as one metre long and the cosine at it as 1 ([`Light::distance2`],
 //! [`LightPoint::n`]), every conversion of densities keeps its form.
 
+mod color;
 mod environment;
 mod mesh;
 mod planar;
@@ -35,6 +36,7 @@ use glam::{Vec2, Vec3};
 
 use crate::math::{AreaPdf, Discrete, Frame, Pmf, Rgb, SolidAnglePdf, distance2, luminance, offset};
 
+pub use color::LightColor;
 pub use environment::{Distant, Environment, RadianceMap, Surroundings};
 pub use mesh::{EmissionProfile, EmissiveTriangle, MeshLight};
 pub use planar::{Cone, Edge, Planar};
@@ -74,8 +76,13 @@ pub struct Light {
     pub name: String,
     /// Geometry at unit size.
     pub shape: Shape,
-    /// Linear Rec.709 colour of luminance 1.
+    /// Linear Rec.709 colour of luminance 1 with which contributions are recorded.
     pub color: Rgb,
+    /// Colour that the scene's author gave the light, where that is a factor of pictures: see
+    /// [`Self::record_white`].
+    pub picture_color: LightColor,
+    /// Temperature, kelvin, and tint that the scene's author gave the light's colour by.
+    pub temperature: Option<[f32; 2]>,
     /// Radiance L that the scene's author gave the light, W·m⁻²·sr⁻¹ per unit of `color` (a point:
     /// W·sr⁻¹, a distant light: W·m⁻²). In a picture the radiance is that of the picture's lighting.
     pub radiance: f32,
@@ -89,6 +96,20 @@ pub struct Light {
 }
 
 impl Light {
+    /// Records the light's contributions white, so that its colour is a factor of every picture, which may vary.
+    pub fn record_white(&mut self) {
+        if self.color == Rgb::ONE || self.picture_color != LightColor::Recorded {
+            return;
+        }
+        self.picture_color = match self.temperature {
+            Some([kelvin, tint]) => {
+                LightColor::Temperature { kelvin: f64::from(kelvin), tint: f64::from(tint) }
+            }
+            None => LightColor::Rgb(self.color.to_array().map(f64::from)),
+        };
+        self.color = Rgb::ONE;
+    }
+
     /// Whether the light is a single position or direction, which no ray can hit.
     #[must_use]
     pub fn is_delta(&self) -> bool {

@@ -8,7 +8,7 @@ mod plan;
 
 use serde::{Deserialize, Serialize};
 
-use crate::{files::number::Number, scene::Scene};
+use crate::{files::number::Number, light::LightColor, scene::Scene};
 
 pub use plan::{SampleCounts, SamplingPlan};
 
@@ -68,6 +68,9 @@ pub struct Lighting {
     pub value: f64,
     /// Exposure: a factor on luminance before display encoding.
     pub exposure: f64,
+    /// Colour of each light; empty where all have the colour with which they are recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub color: Vec<LightColor>,
 }
 
 impl Lighting {
@@ -79,7 +82,47 @@ impl Lighting {
             size: scene.lights.iter().map(|l| f64::from(l.size)).collect(),
             value: 1.0,
             exposure: f64::from(scene.exposure),
+            color: if scene.lights.iter().all(|l| l.picture_color == LightColor::Recorded) {
+                Vec::new()
+            } else {
+                scene.lights.iter().map(|l| l.picture_color).collect()
+            },
         }
+    }
+
+    /// Colour of a light.
+    #[must_use]
+    pub fn color_of(&self, light: usize) -> LightColor {
+        self.color.get(light).copied().unwrap_or_default()
+    }
+
+    /// Factors by which a light's contributions at unit radiance enter a picture, by channel, with the digits
+    /// with which pictures are rendered.
+    #[must_use]
+    pub fn gain_of(&self, light: usize) -> [f64; 3] {
+        let radiance = self.radiance[light] as f32;
+        let factors = self.color_of(light).gain().unwrap_or([1.0; 3]);
+        factors.map(|factor| f64::from(factor) * f64::from(radiance))
+    }
+
+    /// The lighting of some of the lights, in the order in which they are given.
+    #[must_use]
+    pub fn of_lights(&self, lights: &[usize]) -> Self {
+        let color = if self.color.is_empty() { &[][..] } else { lights };
+        Self {
+            radiance: lights.iter().map(|&l| self.radiance[l]).collect(),
+            size: lights.iter().map(|&l| self.size[l]).collect(),
+            color: color.iter().map(|&l| self.color[l]).collect(),
+            ..*self
+        }
+    }
+
+    /// Colour of a light, to be changed.
+    pub fn color_mut(&mut self, light: usize) -> &mut LightColor {
+        if self.color.is_empty() {
+            self.color = vec![LightColor::Recorded; self.radiance.len()];
+        }
+        &mut self.color[light]
     }
 
     /// The same lighting with every light at radiance 1.

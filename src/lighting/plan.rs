@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     fn lighting(radiance: [f64; 3], size: [f64; 3], value: f64) -> Lighting {
-        Lighting { radiance: radiance.into(), size: size.into(), value, exposure: 1.0 }
+        Lighting { radiance: radiance.into(), size: size.into(), value, exposure: 1.0, color: Vec::new() }
     }
 
     #[test]

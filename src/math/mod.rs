@@ -1,6 +1,7 @@
 //! Mathematics that every other module builds on: colour and display encoding, frames, bounds,
 //! densities, warps, discrete distributions, hashing and statistics.
 
+pub mod blackbody;
 pub mod bounds;
 pub mod display;
 pub mod distribution;
@@ -9,6 +10,7 @@ pub mod hash;
 pub mod measure;
 pub mod node_rgb;
 pub mod offset;
+pub mod oklab;
 pub mod pdf;
 pub mod primaries;
 pub mod rgb;

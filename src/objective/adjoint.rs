@@ -2,8 +2,9 @@
 
 use multiversion::multiversion;
 
+use super::chroma::{Axis, histogram};
 use super::picture::Picture;
-use super::region::Region;
+use super::region::{Region, Regions};
 
 /// The adjoint picture `∂f/∂l` while terms add to it.
 ///
@@ -31,7 +32,8 @@ impl<'a> Adjoint<'a> {
     /// # Panics
     /// When `out` has another size.
     pub(super) fn new(picture: &'a Picture<'a>, out: &'a mut [f64]) -> Self {
-        assert_eq!(out.len(), picture.l.len(), "the adjoint must have the picture's size");
+        let n = picture.l.len();
+        assert!(out.len() == n || out.len() == 3 * n, "the adjoint must have the picture's size");
         Self { picture, lines: None, out }
     }
 
@@ -52,9 +54,42 @@ impl<'a> Adjoint<'a> {
     /// The adjoint picture with all lines drawn, to which more may be added pixel by pixel.
     pub(super) fn pixels(&mut self) -> &mut [f64] {
         if let Some([object, background]) = self.lines.take() {
-            add_lines(self.picture.l, self.picture.regions.mask(), object, background, self.out);
+            let out = &mut self.out[..self.picture.l.len()];
+            draw_lines(self.picture.l, self.picture.regions, object, background, out);
         }
-        self.out
+        &mut self.out[..self.picture.l.len()]
+    }
+
+    /// Adds `d · ∂mean/∂chroma` of an axis over a region.
+    pub(super) fn add_chroma_mean(&mut self, axis: Axis, region: Region, d: f64) {
+        self.add_chroma_line(
+            axis,
+            region,
+            Line { constant: d / self.picture.regions.count(region), slope: 0.0 },
+        );
+    }
+
+    /// Adds `d · ∂σ²/∂chroma` of an axis over a region where its mean is `mean`.
+    pub(super) fn add_chroma_variance(&mut self, axis: Axis, region: Region, d: f64, mean: f64) {
+        let slope = 2.0 * d / self.picture.regions.count(region);
+        self.add_chroma_line(axis, region, Line { constant: -slope * mean, slope });
+    }
+
+    fn add_chroma_line(&mut self, axis: Axis, region: Region, line: Line) {
+        let plane = self.picture.chroma(axis);
+        let n = plane.len();
+        let nothing = Line::default();
+        let [object, background] = if region == Region::Object { [line, nothing] } else { [nothing, line] };
+        let out = &mut self.out[axis.plane() * n..][..n];
+        draw_lines(plane, self.picture.regions, object, background, out);
+    }
+
+    /// Adds `Σ_i d_i · ∂share_i/∂chroma` of the joint histogram.
+    pub(super) fn add_chroma_histogram(&mut self, d: &[f64]) {
+        let planes = Axis::ALL.map(|axis| self.picture.chroma(axis));
+        let n = planes[0].len();
+        let (by_a, by_b) = self.out[n..].split_at_mut(n);
+        histogram::add_adjoint(planes, d, [by_a, by_b]);
     }
 
     /// Draws the lines that are left.
@@ -64,6 +99,17 @@ impl<'a> Adjoint<'a> {
 
     fn line(&mut self, region: Region) -> &mut Line {
         &mut self.lines.get_or_insert_default()[region as usize]
+    }
+}
+
+/// Adds to `out` the lines of object and background at `l`, by the share of each pixel in them.
+fn draw_lines(l: &[f64], regions: &Regions, object: Line, background: Line, out: &mut [f64]) {
+    let Some(weights) = regions.weights() else {
+        return add_lines(l, regions.mask(), object, background, out);
+    };
+    for ((out, &l), &w) in out.iter_mut().zip(l).zip(weights) {
+        *out += w * (object.constant + object.slope * l)
+            + (1.0 - w) * (background.constant + background.slope * l);
     }
 }
 

@@ -13,10 +13,12 @@
 //! \[PG14\] eqs. (1)–(8).
 
 mod adjoint;
+pub mod chroma;
 mod evaluation;
 pub mod histogram;
 pub mod jackknife;
 mod moments;
+pub mod palette;
 mod picture;
 mod problem;
 mod region;
@@ -127,19 +129,36 @@ impl Objective {
     /// When the mask does not fit the size, or leaves the object or the background empty:
     /// their terms would have no value, whatever their weights.
     pub fn new(target: &Target, width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
-        let regions = Regions::checked(width, height, mask)?;
+        Ok(Self::of_regions(target, Regions::checked(width, height, mask)?))
+    }
+
+    /// Sets up the objective where every pixel belongs to the object with a share in [0, 1], row-major, and to the
+    /// background with the rest: means, spreads and the gradient are weighted by it.
+    ///
+    /// # Errors
+    /// When the shares do not fit the size, or leave the object or the background less than a pixel.
+    pub fn weighted(
+        target: &Target,
+        width: usize,
+        height: usize,
+        weights: &[f64],
+    ) -> Result<Self, ObjectiveError> {
+        Ok(Self::of_regions(target, Regions::weighted(width, height, weights)?))
+    }
+
+    fn of_regions(target: &Target, regions: Regions) -> Self {
         let mut aims = Statistics::ZERO;
         for (term, goal) in target.goals() {
             goal.write(&mut aims[term]);
         }
         let is_needed = |term: Term| target.goals().any(|(other, _)| other == term || other.reads(term));
-        Ok(Self {
+        Self {
             regions,
             aims,
             weights: Term::ALL.map(|term| target.weight(term)),
             has_goal: Term::ALL.map(|term| target.goal(term).is_some()),
             is_measured: Term::ALL.map(is_needed),
-        })
+        }
     }
 
     /// The same objective with `term` alone, at weight 1.
@@ -200,6 +219,13 @@ impl Objective {
         out.fill(0.0);
         self.add_adjoint(l, &z, &dz, 1.0, smoothing.ramp, out);
         evaluation
+    }
+
+    /// Whether chroma must stand behind the display luminance of pictures that are measured: see
+    /// [`Measure::n_shown`](crate::math::Measure::n_shown).
+    #[must_use]
+    pub fn needs_color(&self) -> bool {
+        self.listed().any(Term::is_of_color)
     }
 
     /// Raw statistics of display luminance `l`, as far as the target has goals for them; `ramp` is that

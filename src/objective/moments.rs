@@ -25,11 +25,26 @@ pub(super) struct Moments {
 /// background to measure: its moments then stand for both.
 pub(super) fn measure(l: &[f64], regions: &Regions) -> [Moments; 2] {
     let counts = [Region::Object, Region::Background].map(|region| regions.count(region));
+    if let Some(weights) = regions.weights() {
+        return weighted(l, weights, counts);
+    }
     let by_count = |sums: [f64; 2]| -> [f64; 2] { std::array::from_fn(|r| sums[r] / counts[r]) };
     let means = by_count(sums(l, regions.mask()));
     let variances = by_count(squares(l, regions.mask(), means));
     let [object, background] = std::array::from_fn(|r| Moments { mean: means[r], variance: variances[r] });
     [object, if regions.count(Region::Background) == 0.0 { object } else { background }]
+}
+
+/// Moments of both regions where every pixel belongs to the object with a share.
+fn weighted(l: &[f64], weights: &[f64], counts: [f64; 2]) -> [Moments; 2] {
+    let sum = |region: usize, of: &dyn Fn(f64) -> f64| {
+        let share = |w: f64| if region == 0 { w } else { 1.0 - w };
+        l.iter().zip(weights).map(|(&l, &w)| share(w) * of(l)).sum::<f64>() / counts[region]
+    };
+    [0, 1].map(|region| {
+        let mean = sum(region, &|l| l);
+        Moments { mean, variance: sum(region, &|l| (l - mean) * (l - mean)) }
+    })
 }
 
 /// Sums of `l` over the object and over the background.

@@ -17,7 +17,10 @@ pub(super) struct Regions {
     width: usize,
     height: usize,
     mask: Vec<bool>,
-    n_object: usize,
+    /// Share in [0, 1] with which each pixel belongs to the object; `None` where that is what the mask says.
+    weights: Option<Vec<f64>>,
+    /// Sums of the shares of the object and of the background.
+    counts: [f64; 2],
 }
 
 impl Regions {
@@ -25,7 +28,8 @@ impl Regions {
     /// value for every pixel. Either region may be empty.
     pub(super) fn new(width: usize, height: usize, mask: &[bool]) -> Self {
         let n_object = mask.iter().filter(|&&object| object).count();
-        Self { width, height, mask: mask.to_vec(), n_object }
+        let counts = [n_object, mask.len() - n_object].map(|n| n as f64);
+        Self { width, height, mask: mask.to_vec(), weights: None, counts }
     }
 
     /// Regions that both have pixels, of a mask that fits the size.
@@ -48,6 +52,35 @@ impl Regions {
         Ok(Self::new(width, height, mask))
     }
 
+    /// Regions to which every pixel belongs with a share in [0, 1], which both have some of.
+    ///
+    /// # Errors
+    /// When the picture is empty, there is not a share for every pixel, or a region has none.
+    pub(super) fn weighted(width: usize, height: usize, weights: &[f64]) -> Result<Self, ObjectiveError> {
+        if width == 0 || height == 0 {
+            return Err(ObjectiveError::EmptyPicture { width, height });
+        }
+        if width.checked_mul(height) != Some(weights.len()) {
+            return Err(ObjectiveError::MaskSize { mask: weights.len(), width, height });
+        }
+        let object = weights.iter().sum::<f64>();
+        let background = weights.iter().map(|w| 1.0 - w).sum::<f64>();
+        // Less than a pixel is nothing to measure.
+        if object < 1.0 {
+            return Err(ObjectiveError::EmptyObject);
+        }
+        if background < 1.0 {
+            return Err(ObjectiveError::EmptyBackground);
+        }
+        let mask = weights.iter().map(|&w| w >= 0.5).collect();
+        Ok(Self { width, height, mask, weights: Some(weights.to_vec()), counts: [object, background] })
+    }
+
+    /// Share with which each pixel belongs to the object; `None` where that is what the mask says.
+    pub(super) fn weights(&self) -> Option<&[f64]> {
+        self.weights.as_deref()
+    }
+
     /// Width of the picture, pixels.
     pub(super) fn width(&self) -> usize {
         self.width
@@ -68,11 +101,8 @@ impl Regions {
         self.mask.len() as f64
     }
 
-    /// Number of pixels of a region.
+    /// Number of pixels of a region, or the sum of their shares.
     pub(super) fn count(&self, region: Region) -> f64 {
-        match region {
-            Region::Object => self.n_object as f64,
-            Region::Background => (self.mask.len() - self.n_object) as f64,
-        }
+        self.counts[region as usize]
     }
 }

@@ -55,9 +55,10 @@ impl Replicates<'_> {
         for y in self.linear {
             mean.iter_mut().zip(y).for_each(|(m, y)| *m += y / replicates as f64);
         }
-        let mut slopes = vec![0.0; n_linear];
+        let mut slopes = vec![0.0; n_linear * self.measure.n_shown()];
+        let n_shown = n * self.measure.n_shown();
         let mut display = |y: &[f64]| {
-            let mut display = vec![0.0; n];
+            let mut display = vec![0.0; n_shown];
             self.measure.encode_all(y, self.exposure, &mut display, &mut slopes);
             display
         };
@@ -72,13 +73,13 @@ impl Replicates<'_> {
         });
         let one_out: Vec<Vec<f64>> = one_out.collect();
         let first = one_out.iter().map(|display| objective.statistics(display, Ramp::Linear)).collect();
-        left.truncate(n);
+        left.resize(n_shown, 0.0);
         let relabelled = (1..labellings).map(|labelling| {
             let shifts: Vec<usize> = (0..n).map(|p| shift(labelling, p, replicates)).collect();
             (0..replicates)
                 .map(|r| {
-                    for (p, (left, shift)) in left.iter_mut().zip(&shifts).enumerate() {
-                        *left = one_out[(r + shift) % replicates][p];
+                    for (p, left) in left.iter_mut().enumerate() {
+                        *left = one_out[(r + shifts[p % n]) % replicates][p];
                     }
                     objective.statistics(&left, Ramp::Linear)
                 })
@@ -98,7 +99,9 @@ impl Replicates<'_> {
     pub fn second_order(&self, objective: &Objective, ramp: Ramp) -> Statistics {
         let (count, n) = (self.linear.len(), objective.n_pixels());
         let n_linear = n * self.measure.n_planes();
-        let (mut mean, mut display, mut slopes) = (vec![0.0; n_linear], vec![0.0; n], vec![0.0; n_linear]);
+        let n_shown = self.measure.n_shown();
+        let (mut mean, mut display) = (vec![0.0; n_linear], vec![0.0; n * n_shown]);
+        let mut slopes = vec![0.0; n_linear * n_shown];
         let mut without = |left_out: &[usize]| {
             let share = 1.0 / (count - left_out.len()) as f64;
             mean.fill(0.0);

@@ -28,6 +28,7 @@ use serde_json::Value;
 pub use super::problem::{TargetProblem, TargetProblemReason};
 pub use error::TargetError;
 
+use super::palette::Palette;
 use super::signature::Signature;
 use super::terms::{Goal, Kind, N_TERMS, Term, Values};
 use crate::files::{nearest, text};
@@ -37,9 +38,12 @@ use parse::{line_at, line_of_key};
 pub const SCHEMA: i64 = 1;
 
 /// Built-in targets: their names, and the text of their files.
-pub const BUILTIN: [(&str, &str); 2] = [
+pub const BUILTIN: [(&str, &str); 5] = [
     ("high-key", include_str!("../../scenes/targets/high-key.toml")),
     ("low-key", include_str!("../../scenes/targets/low-key.toml")),
+    ("golden-hour", include_str!("../../scenes/targets/golden-hour.toml")),
+    ("moonlight", include_str!("../../scenes/targets/moonlight.toml")),
+    ("neon", include_str!("../../scenes/targets/neon.toml")),
 ];
 
 /// Weights where a target names none, in the order of [`Term::ALL`], see [`Term::default_weight`].
@@ -105,6 +109,30 @@ impl Target {
             values[term as usize] = Some(value);
         }
         Self::new(name, &values, HISTOGRAM_ONLY, signature)
+    }
+
+    /// The same target with a palette, and with the weights of [`Term::matched_weight`] for all terms of colour
+    /// that it has goals for; others keep none.
+    #[must_use]
+    pub fn with_palette(mut self, palette: Palette) -> Self {
+        self.goals.insert(Term::Chroma, Goal::Palette(palette));
+        for term in Term::ALL.into_iter().filter(|term| term.is_of_color() && self.goals.contains_key(term)) {
+            self.weights[term as usize] = term.matched_weight();
+        }
+        self
+    }
+
+    /// The same target without goals of colour.
+    #[must_use]
+    pub fn without_color(mut self) -> Self {
+        self.goals.retain(|term, _| !term.is_of_color());
+        self
+    }
+
+    /// Whether the target asks for colour.
+    #[must_use]
+    pub fn needs_color(&self) -> bool {
+        self.goals.keys().any(|term| term.is_of_color())
     }
 
     /// A built-in target by name, else the target file at that path.
@@ -187,7 +215,7 @@ impl Target {
     pub fn target(&self, term: Term) -> f64 {
         match self.goal(term) {
             Some(Goal::Value(value)) => *value,
-            Some(Goal::Signature(_)) | None => 0.0,
+            Some(Goal::Signature(_) | Goal::Palette(_)) | None => 0.0,
         }
     }
 

@@ -1,5 +1,6 @@
 //! Tests of the whole objective: derivatives, exact values, smoothing, noise.
 
+use super::palette::Palette;
 use super::signature::{Shape, Signature};
 use super::testing::{Rng, disk_mask};
 use super::*;
@@ -15,6 +16,11 @@ fn target_of(base: &str, term: Option<Term>) -> Target {
         if !term.is_distance() {
             target.goals.entry(term).or_insert(Goal::Value(0.3));
         }
+        if term == Term::Chroma {
+            let of = with_chroma(&[0.0; 40], &mut Rng::new(1));
+            let shares = Statistics::measure_whole(&of, 8, 5).palette();
+            target.goals.insert(term, Goal::Palette(Palette::new("random", shares).unwrap()));
+        }
         target.weights = [0.0; N_TERMS];
         target.weights[term as usize] = 1.0;
     }
@@ -26,6 +32,13 @@ fn target_of(base: &str, term: Option<Term>) -> Target {
 fn off_joints(l: f64) -> f64 {
     let u = l * 256.0 - 0.5;
     if (u - u.round()).abs() < 0.01 && l > 0.0 && l < 1.0 { l + 0.02 / 256.0 } else { l }
+}
+
+/// A picture of display luminance with random chroma behind it, of which some lies beyond the bins.
+fn with_chroma(l: &[f64], rng: &mut Rng) -> Vec<f64> {
+    let mut shown = l.to_vec();
+    shown.extend((0..2 * l.len()).map(|_| 0.1 * rng.normal()));
+    shown
 }
 
 /// Random pictures of every awkward kind: plain, dark, with clipped pixels, black and
@@ -71,7 +84,10 @@ fn adjoints_of_every_term_and_the_sum_agree_with_central_differences() {
             let objective = Objective::new(&target_of(base, term), W, H, &mask).unwrap();
             for delta in [Smoothing::DELTA_FIRST, Smoothing::DELTA_LAST] {
                 let smoothing = Smoothing::with_delta(delta);
-                for (name, l) in pictures() {
+                for (name, mut l) in pictures() {
+                    if term.is_some_and(Term::is_of_color) {
+                        l = with_chroma(&l, &mut Rng::new(5));
+                    }
                     let mut adjoint = vec![f64::NAN; l.len()];
                     let value = objective.evaluate_smooth(&l, &smoothing, Some(&mut adjoint)).f_q;
                     let f = |l: &[f64]| objective.evaluate_smooth(l, &smoothing, None).f_q;
@@ -82,6 +98,43 @@ fn adjoints_of_every_term_and_the_sum_agree_with_central_differences() {
             }
         }
     }
+}
+
+/// Weights in the place of the mask: derivatives, and weights of 0 and 1 alone are that mask.
+#[test]
+fn adjoints_with_weights_agree_with_central_differences() {
+    let mut rng = Rng::new(4);
+    let weights: Vec<f64> = rng.image(W * H).iter().map(|w| (2.0 * w - 0.5).clamp(0.0, 1.0)).collect();
+    for term in Term::ALL.map(Some).into_iter().chain([None]) {
+        let target = target_of("low-key", term);
+        let objective = Objective::weighted(&target, W, H, &weights).unwrap();
+        let smoothing = Smoothing::with_delta(Smoothing::DELTA_LAST);
+        for (name, mut l) in pictures() {
+            if term.is_some_and(Term::is_of_color) {
+                l = with_chroma(&l, &mut Rng::new(6));
+            }
+            let mut adjoint = vec![f64::NAN; l.len()];
+            objective.evaluate_smooth(&l, &smoothing, Some(&mut adjoint));
+            let f = |l: &[f64]| objective.evaluate_smooth(l, &smoothing, None).f_q;
+            assert_adjoint(&format!("{term:?} {name}"), &l, &adjoint, f);
+        }
+    }
+    let mask = disk_mask(W, H);
+    let binary: Vec<f64> = mask.iter().map(|&on| f64::from(u8::from(on))).collect();
+    let target = target_of("high-key", None);
+    let by_mask = Objective::new(&target, W, H, &mask).unwrap();
+    let by_weights = Objective::weighted(&target, W, H, &binary).unwrap();
+    for (name, l) in pictures() {
+        let (a, b) = (by_mask.evaluate(&l), by_weights.evaluate(&l));
+        for (a, b) in a.terms().zip(b.terms()) {
+            assert!((a.value - b.value).abs() < 1e-12, "{name} {}: {} {}", a.term.name(), a.value, b.value);
+        }
+    }
+    assert_eq!(Objective::weighted(&target, W, H, &[0.0; W * H]).unwrap_err(), ObjectiveError::EmptyObject);
+    assert_eq!(
+        Objective::weighted(&target, W, H, &[1.0; W * H]).unwrap_err(),
+        ObjectiveError::EmptyBackground
+    );
 }
 
 #[test]

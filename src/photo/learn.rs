@@ -21,6 +21,8 @@ const OUTLIER_SIGMAS: f64 = 3.0;
 pub struct Measured {
     /// Cumulated histogram of the photograph's display luminance.
     pub cumulated: Cumulated,
+    /// Shares of its pixels in the bins of chroma.
+    pub palette: Vec<f64>,
     /// What the scalar terms measure of the photograph, when its main object is known.
     pub values: Option<Values>,
 }
@@ -49,6 +51,8 @@ pub struct Learned {
     /// distances in the class plus three standard deviations, estimated from the median
     /// absolute deviation. `None` with a single photograph.
     pub outlier_above: Option<f64>,
+    /// Mean of the shares of chroma of the photographs.
+    pub palette: Vec<f64>,
     /// Means of what the scalar terms measure over the photographs, when all have masks.
     pub values: Option<Values>,
 }
@@ -68,7 +72,13 @@ pub fn learn(classes: &[Vec<Measured>], method: Method) -> Vec<Learned> {
             .map(|(q, without)| judge(q, own, without.as_ref(), &signatures))
             .collect();
         let outlier_above = mark_outliers(&mut judged, own);
-        Learned { signature: signatures[own], photos: judged, outlier_above, values: mean_values(photos) }
+        Learned {
+            signature: signatures[own],
+            photos: judged,
+            outlier_above,
+            palette: mean_palette(photos),
+            values: mean_values(photos),
+        }
     })
     .collect()
 }
@@ -151,6 +161,11 @@ fn mean<'a>(histograms: impl Iterator<Item = &'a Cumulated>, n: usize) -> Cumula
     out.map(|sum| sum / n as f64)
 }
 
+fn mean_palette(photos: &[Measured]) -> Vec<f64> {
+    let n = photos.iter().map(|p| p.palette.len()).min().unwrap_or(0);
+    (0..n).map(|i| photos.iter().map(|p| p.palette[i]).sum::<f64>() / photos.len() as f64).collect()
+}
+
 fn mean_values(photos: &[Measured]) -> Option<Values> {
     let all: Option<Vec<Values>> = photos.iter().map(|p| p.values).collect();
     let all = all.filter(|all| !all.is_empty())?;
@@ -166,7 +181,7 @@ mod tests {
     fn photo(a: f64, b: f64) -> Measured {
         let cumulated = std::array::from_fn(|i| beta_cdf((i + 1) as f64 / BINS as f64, a, b));
         let value = |term| if term == Term::MeanObj { a / 10.0 } else { 0.3 };
-        Measured { cumulated, values: Some(Term::ALL.map(|term| Some(value(term)))) }
+        Measured { cumulated, palette: Vec::new(), values: Some(Term::ALL.map(|term| Some(value(term)))) }
     }
 
     fn bright() -> Vec<Measured> {

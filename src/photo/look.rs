@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::{Photo, PhotoError};
+use crate::objective::palette::{Palette, PaletteError};
 use crate::objective::signature::library::{Library, LibraryError, split_reference};
 use crate::objective::signature::{Shape, Signature, SignatureError};
 use crate::objective::target::{DEFAULT_WEIGHTS, HISTOGRAM_ONLY, TargetError};
@@ -42,6 +43,15 @@ pub enum LookError {
         /// Look as the user named it.
         target: String,
     },
+    /// The measured colours of a photograph are not valid as a palette.
+    #[error("{photo}: no palette", photo = photo.display())]
+    Palette {
+        /// Path of the photograph.
+        photo: PathBuf,
+        /// Condition that they violate.
+        #[source]
+        source: PaletteError,
+    },
     /// The measured histogram of a photograph is not valid as a signature.
     #[error("{photo}: no signature", photo = photo.display())]
     Signature {
@@ -53,11 +63,28 @@ pub enum LookError {
     },
 }
 
+/// What of a photograph, or of a class of photographs, is matched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Matched {
+    /// Brightness alone, as f_q is defined.
+    #[default]
+    Luminance,
+    /// Colour too: its means, its spread and its joint histogram.
+    Colour,
+}
+
 /// A look that has been resolved from its name.
 #[derive(Clone, Debug)]
 pub enum Look {
     /// Target values and weights.
     Target(Target),
+    /// The histogram of a class of a library.
+    Class {
+        /// Target of the histogram alone.
+        target: Target,
+        /// Colours of the class; `None` in libraries of earlier versions.
+        palette: Option<Palette>,
+    },
     /// A photograph, in full size until the size of the pictures to compare is known.
     Photo {
         /// Path of the photograph's file.
@@ -85,8 +112,9 @@ impl Look {
         }
         if let Some((file, class)) = split_reference(spec) {
             let signature = Library::find(file, class)?;
+            let palette = Library::find_palette(file, class).ok();
             let name = format!("{}-{class}", stem(file));
-            return Ok(Self::Target(Target::of_histogram(name, signature)));
+            return Ok(Self::Class { target: Target::of_histogram(name, signature), palette });
         }
         match (Target::resolve(spec), Library::read(path)) {
             (Ok(target), _) => Ok(Self::Target(target)),
@@ -103,13 +131,14 @@ impl Look {
     #[must_use]
     pub fn name(&self) -> String {
         match self {
-            Self::Target(target) => target.name().to_owned(),
+            Self::Target(target) | Self::Class { target, .. } => target.name().to_owned(),
             Self::Photo { path, .. } => stem(path),
         }
     }
 
     /// The target for pictures whose longer side has `longest` pixels, measured by `mode`.
     ///
+    /// With [`Matched::Colour`] its colours are matched too.
     /// A photograph is reduced to that size if it is larger, since g depends on it. With a mask
     /// all terms count, with the published weights; without, the histogram alone.
     ///
@@ -118,17 +147,32 @@ impl Look {
     ///
     /// # Panics
     /// When `longest` is 0.
-    pub fn into_target(self, mode: LuminanceMode, longest: usize) -> Result<Target, LookError> {
+    pub fn into_target(
+        self,
+        mode: LuminanceMode,
+        longest: usize,
+        matched: Matched,
+    ) -> Result<Target, LookError> {
         let name = self.name();
         match self {
             Self::Target(target) => Ok(target),
+            Self::Class { target, palette } => Ok(match palette {
+                Some(palette) if matched == Matched::Colour => target.with_palette(palette),
+                _ => target,
+            }),
             Self::Photo { path, photo } => {
                 let z = photo.reduced(longest).measure(mode)?;
                 let shape = Shape::Cumulated(z.cumulated().to_vec());
                 let signature = Signature::new(&name, shape)
                     .map_err(|source| LookError::Signature { photo: path.clone(), source })?;
                 let weights = if photo.has_mask() { DEFAULT_WEIGHTS } else { HISTOGRAM_ONLY };
-                Ok(Target::new(name, &z.values(), weights, signature))
+                if matched == Matched::Luminance {
+                    return Ok(Target::new(name, &z.values(), weights, signature));
+                }
+                let values = if photo.has_mask() { z.values_with_color() } else { z.values() };
+                let palette = Palette::new(&name, z.palette())
+                    .map_err(|source| LookError::Palette { photo: path.clone(), source })?;
+                Ok(Target::new(name, &values, weights, signature).with_palette(palette))
             }
         }
     }

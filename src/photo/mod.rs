@@ -12,18 +12,20 @@ pub mod folder;
 pub mod learn;
 pub mod look;
 pub mod reduce;
+pub mod weights;
 
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
 use crate::film::image_file::{MaskImage, read_mask};
+use crate::math::Measure;
 use crate::objective::histogram::Cumulated;
 use crate::objective::{LuminanceMode, ObjectiveError, Statistics};
 use crate::picture::{Note, Picture, PictureError, Purpose, Reading, Samples};
 use reduce::{box_filter, reduced_size};
 
-pub use look::Look;
+pub use look::{Look, Matched};
 
 /// Why a photograph cannot be measured.
 #[derive(Debug, Error)]
@@ -148,11 +150,13 @@ impl Photo {
     pub fn reduced(&self, longest: usize) -> Reduced {
         let (from, to) = (self.size(), reduced_size(self.size(), longest));
         let luminance = box_filter(|i| self.exposure * self.picture.luminance(i), from, to);
+        let channel =
+            |c: usize| box_filter(|i| self.exposure * f64::from(self.picture.over_black(i)[c]), from, to);
         let mask = self.mask.as_ref().map(|(path, mask)| Mask {
             path: path.clone(),
             coverage: box_filter(|i| f64::from(u8::from(mask.object[i])), from, to),
         });
-        Reduced { size: to, luminance, mask }
+        Reduced { size: to, luminance, channels: [0, 1, 2].map(channel), mask }
     }
 }
 
@@ -172,6 +176,8 @@ pub struct Reduced {
     size: [usize; 2],
     /// Linear luminance times exposure of each pixel, row-major.
     luminance: Vec<f64>,
+    /// Linear red, green and blue times exposure of each pixel, row-major.
+    channels: [Vec<f64>; 3],
     /// Mask of the main object, when it is known.
     mask: Option<Mask>,
 }
@@ -190,11 +196,28 @@ impl Reduced {
         self.luminance.iter().map(|&y| mode.encode(y, 1.0)).collect()
     }
 
+    /// Display luminance of every pixel, and behind it planes of a and b of Oklab.
+    fn shown(&self, mode: LuminanceMode) -> Vec<f64> {
+        let mut shown = self.display_luminance(mode);
+        let [red, green, blue] = &self.channels;
+        let rgb = red.iter().zip(green).zip(blue).map(|((r, g), b)| [*r, *g, *b].map(|v| v as f32));
+        let chroma: Vec<[f64; 2]> = rgb.map(|rgb| Measure::default().chroma(rgb, 1.0)).collect();
+        [0, 1].into_iter().for_each(|k| shown.extend(chroma.iter().map(|c| c[k])));
+        shown
+    }
+
     /// Cumulated histogram of the display luminance.
     #[must_use]
     pub fn cumulated(&self, mode: LuminanceMode) -> Cumulated {
         let [width, height] = self.size;
         Statistics::measure_whole(&self.display_luminance(mode), width, height).cumulated()
+    }
+
+    /// Statistics of the whole photograph, whether it has a mask or not.
+    #[must_use]
+    pub fn measure_whole(&self, mode: LuminanceMode) -> Statistics {
+        let [width, height] = self.size;
+        Statistics::measure_whole(&self.shown(mode), width, height)
     }
 
     /// Statistics of the photograph. With a mask, a pixel is object when at least half of it is
@@ -203,7 +226,7 @@ impl Reduced {
     /// # Errors
     /// When the mask leaves no pixel to the object or to the background.
     pub fn measure(&self, mode: LuminanceMode) -> Result<Statistics, PhotoError> {
-        let l = self.display_luminance(mode);
+        let l = self.shown(mode);
         let [width, height] = self.size;
         let Some(mask) = &self.mask else {
             return Ok(Statistics::measure_whole(&l, width, height));

@@ -16,8 +16,7 @@ pub fn reduced_size([width, height]: [usize; 2], longest: usize) -> [usize; 2] {
 }
 
 /// The mean of `value`, of a pixel of a picture of size `from` by its row-major index, over the
-/// area of every pixel of the picture of size `to`, which is nowhere larger than `from`. It is
-/// asked for once a pixel.
+/// area of every pixel of the picture of size `to`. It is asked for once a pixel where that is nowhere larger.
 #[must_use]
 pub fn box_filter(value: impl Fn(usize) -> f64, from: [usize; 2], to: [usize; 2]) -> Vec<f64> {
     if from == to {

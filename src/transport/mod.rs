@@ -18,6 +18,7 @@
 //! the luminance). The cells of a light are its knots; a light whose size is not free has a single
 //! cell.
 
+mod brought;
 mod film;
 mod kernels;
 pub mod knots;
@@ -35,6 +36,7 @@ use crate::{
     sampler::SamplerKind,
 };
 
+pub use brought::Brought;
 pub use film::{BasisFilm, splat_memory};
 pub use knots::Knots;
 use layout::COLOURS;

@@ -9,8 +9,8 @@ use super::{
     layout::{COLOURS, Layout},
 };
 use crate::{
-    denoise::denoise_picture, film::Picture, integrator::aov::Features, lighting::Lighting,
-    math::display::LUMINANCE_WEIGHTS,
+    denoise::denoise_picture, film::Picture, integrator::aov::Features, light::LightColor,
+    lighting::Lighting, math::display::LUMINANCE_WEIGHTS,
 };
 
 /// Weight of one row of the tables in an image, with its derivatives.
@@ -37,15 +37,32 @@ pub struct Recombination {
     entries: Vec<Entry>,
     /// Radiance of each light.
     radiance: Vec<f64>,
+    /// Factors on the channels of each light that is not seen in the colour with which it was recorded.
+    factors: Vec<Option<[f64; 3]>>,
 }
 
 /// Derivatives of an image, one plane after the other, by everything that a lighting may vary.
 #[derive(Clone, Debug, Default)]
 pub struct Tangents {
-    /// Derivatives by the radiance and by the size of each light.
+    /// Derivatives by the radiance and by the size of each light. Of a light with factors on its channels, that by
+    /// the radiance is of all planes, without the factors.
     lights: Vec<[Vec<f64>; 2]>,
     /// Derivatives by the background's value.
     value: Vec<f64>,
+    /// Radiance of each light, and factors on its channels.
+    colors: Vec<(f64, Option<[f64; 3]>)>,
+}
+
+/// Weights of the planes of a light as it was recorded, luminance, red and blue, in each plane of the same light
+/// with these factors on its channels. Green follows from the luminance.
+fn plane_weights([red, green, blue]: [f64; 3]) -> [[f64; 3]; 3] {
+    let [of_red, _, of_blue] = LUMINANCE_WEIGHTS;
+    [[green, of_red * (red - green), of_blue * (blue - green)], [0.0, red, 0.0], [0.0, 0.0, blue]]
+}
+
+/// Derivatives of [`plane_weights`] by the factors, which are linear in them.
+fn plane_weight_slopes() -> [[[f64; 3]; 3]; 3] {
+    [0, 1, 2].map(|c| plane_weights([0, 1, 2].map(|d| f64::from(u8::from(c == d)))))
 }
 
 /// Gradient of a number by everything that a lighting may vary; vectors are by light, in the scene's
@@ -60,13 +77,21 @@ pub struct LightingGradient {
     pub value: f64,
     /// Derivative by the exposure, of which a basis knows nothing: 0 where it was not added.
     pub exposure: f64,
+    /// Derivative by the factor on each channel of each light; 0 where the light is seen as it was recorded.
+    pub color: Vec<[f64; 3]>,
 }
 
 impl LightingGradient {
     /// Gradient of a number that depends on nothing, for `n` lights.
     #[must_use]
     pub fn zero(n: usize) -> Self {
-        Self { radiance: vec![0.0; n], size: vec![0.0; n], value: 0.0, exposure: 0.0 }
+        Self {
+            radiance: vec![0.0; n],
+            size: vec![0.0; n],
+            value: 0.0,
+            exposure: 0.0,
+            color: vec![[0.0; 3]; n],
+        }
     }
 }
 
@@ -81,10 +106,38 @@ impl Tangents {
             gradients.iter_mut().zip(&sums).for_each(|(gradient, sum)| *to(gradient, light) += sum);
         };
         for (l, [by_radiance, by_size]) in self.lights.iter().enumerate() {
-            add(by_radiance, |gradient, l| &mut gradient.radiance[l], l);
+            if self.colors[l].1.is_none() {
+                add(by_radiance, |gradient, l| &mut gradient.radiance[l], l);
+            }
             add(by_size, |gradient, l| &mut gradient.size[l], l);
         }
         add(&self.value, |gradient, _| &mut gradient.value, 0);
+        for l in 0..self.lights.len() {
+            self.pull_back_color(l, adjoints, gradients);
+        }
+    }
+
+    /// The part of [`Self::pull_back`] by radiance and colour of a light with factors on its channels.
+    fn pull_back_color(&self, l: usize, adjoints: &[&[f64]], gradients: &mut [LightingGradient]) {
+        let (radiance, Some(factors)) = self.colors[l] else { return };
+        let raw = &self.lights[l][0];
+        let n = raw.len() / 3;
+        let (weights, slopes) = (plane_weights(factors), plane_weight_slopes());
+        let mut sums = vec![0.0; adjoints.len()];
+        for (to, from) in [(0, 0), (0, 1), (0, 2), (1, 1), (2, 2)] {
+            if (to + 1) * n > self.value.len() {
+                continue;
+            }
+            let of_plane: Vec<&[f64]> = adjoints.iter().map(|adjoint| &adjoint[to * n..][..n]).collect();
+            sums.fill(0.0);
+            kernels::add_dots(&raw[from * n..][..n], &of_plane, &mut sums);
+            for (gradient, sum) in gradients.iter_mut().zip(&sums) {
+                gradient.radiance[l] += weights[to][from] * sum;
+                for (by_factor, slopes) in gradient.color[l].iter_mut().zip(&slopes) {
+                    *by_factor += radiance * slopes[to][from] * sum;
+                }
+            }
+        }
     }
 }
 
@@ -126,7 +179,34 @@ impl Recombination {
                 }
             }
         }
-        Self { entries, radiance: x.radiance.clone() }
+        let factor =
+            |l: usize| Some(x.color_of(l)).filter(|c| *c != LightColor::Recorded).map(LightColor::factor);
+        let factors = (0..x.n_lights()).map(factor).collect();
+        Self { entries, radiance: x.radiance.clone(), factors }
+    }
+
+    /// Planes and rows of tables of so many planes that make a plane of the image, with `scale` times their weights.
+    ///
+    /// # Panics
+    /// When a light has factors on its channels, and the tables have no colour.
+    fn weighted(&self, plane: usize, scale: f64, planes: usize) -> Weighted {
+        let mut weighted = Weighted::default();
+        for e in self.entries.iter().filter(|e| e.weight != 0.0) {
+            let mut push = |from: usize, weight: f64| {
+                weighted.0.push((from, e.row));
+                weighted.1.push(weight * scale);
+            };
+            let Some(factors) = self.factors[e.light] else {
+                push(plane, e.weight);
+                continue;
+            };
+            assert_eq!(planes, 1 + COLOURS, "colours of lights need colour in every replicate");
+            let weights = plane_weights(factors)[plane];
+            (0..planes)
+                .filter(|&from| weights[from] != 0.0)
+                .for_each(|from| push(from, e.weight * weights[from]));
+        }
+        weighted
     }
 
     /// Cells of `layout` that are read.
@@ -160,21 +240,18 @@ pub trait Tables: Sync {
     /// read the same rows, which are then fetched from memory once.
     fn luminances(&self, replicate: usize, lightings: &[&Recombination], out: &mut [&mut [f64]]) {
         let scale = 1.0 / f64::from(self.n_samples().max(1));
-        let weighted: Vec<(Vec<usize>, Vec<f64>)> = lightings
-            .iter()
-            .map(|r| {
-                let shining = r.entries.iter().filter(|e| e.weight != 0.0);
-                shining.map(|e| (e.row, e.weight * scale)).unzip()
-            })
-            .collect();
         let (width, height) = (self.layout().size.x as usize, self.layout().size.y as usize);
         let mut lines = Vec::new();
         let room = out.first().map_or(0, |out| out.len());
-        for (i, (plane, y)) in plane_rows(room / self.layout().n_pixels().max(1), height).enumerate() {
-            for ((rows, weights), out) in weighted.iter().zip(&mut *out) {
-                lines.clear();
-                lines.extend(rows.iter().map(|&row| self.row(replicate, plane, row, y)));
-                kernels::combine(&lines, weights, &mut out[i * width..][..width]);
+        for plane in 0..room / self.layout().n_pixels().max(1) {
+            let weighted: Vec<Weighted> =
+                lightings.iter().map(|r| r.weighted(plane, scale, self.layout().planes)).collect();
+            for y in 0..height {
+                for ((rows, weights), out) in weighted.iter().zip(&mut *out) {
+                    lines.clear();
+                    lines.extend(rows.iter().map(|&(from, row)| self.row(replicate, from, row, y)));
+                    kernels::combine(&lines, weights, &mut out[(plane * height + y) * width..][..width]);
+                }
             }
         }
     }
@@ -186,12 +263,18 @@ pub trait Tables: Sync {
         tangents.lights.resize_with(r.radiance.len(), Default::default);
         tangents.value.clear();
         tangents.value.resize(out.len(), 0.0);
+        tangents.colors = r.radiance.iter().copied().zip(r.factors.iter().copied()).collect();
         out.fill(0.0);
         let (mut first, mut lines) = (0, Vec::new());
         for (l, images) in tangents.lights.iter_mut().enumerate() {
             let n = r.entries[first..].iter().take_while(|e| e.light == l).count();
             let entries = &r.entries[first..first + n];
             first += n;
+            if let Some(factors) = r.factors[l] {
+                let (value, images) = (&mut tangents.value, (&mut *out, images));
+                differentiate_colored(self, replicate, entries, (r.radiance[l], factors), value, images);
+                continue;
+            }
             images.iter_mut().for_each(|image| image.resize(out.len(), 0.0));
             let weights: Vec<[f64; 3]> =
                 entries.iter().map(|e| [e.by_radiance, e.by_size, e.by_value].map(|w| scale * w)).collect();
@@ -207,6 +290,57 @@ pub trait Tables: Sync {
             // Light is linear in each radiance.
             for (y, d) in out.iter_mut().zip(&images[0]) {
                 *y += r.radiance[l] * d;
+            }
+        }
+    }
+}
+
+/// Planes and rows of the tables with their weights.
+type Weighted = (Vec<(usize, usize)>, Vec<f64>);
+
+/// The part of [`Tables::differentiate`] of a light of a radiance and with factors on its channels, whose rows are
+/// the `entries`: the image and its derivatives by the background's value are added to, those by radiance and
+/// size, `tangents`, are written.
+fn differentiate_colored<T: Tables + ?Sized>(
+    tables: &T,
+    replicate: usize,
+    entries: &[Entry],
+    (radiance, factors): (f64, [f64; 3]),
+    value: &mut [f64],
+    (out, tangents): (&mut [f64], &mut [Vec<f64>; 2]),
+) {
+    let layout = tables.layout();
+    assert_eq!(layout.planes, 1 + COLOURS, "colours of lights need colour in every replicate");
+    let scale = 1.0 / f64::from(tables.n_samples().max(1));
+    let (width, n) = (layout.size.x as usize, layout.n_pixels());
+    let [by_radiance, by_size] = tangents;
+    by_radiance.resize(layout.planes * n, 0.0);
+    by_size.clear();
+    by_size.resize(out.len(), 0.0);
+    let weights: Vec<[f64; 3]> =
+        entries.iter().map(|e| [e.by_radiance, e.by_size, e.by_value].map(|w| scale * w)).collect();
+    let planes = plane_weights(factors);
+    let [mut size_line, mut value_line] = [(); 2].map(|()| vec![0.0; width]);
+    let mut lines = Vec::new();
+    for (plane, y) in plane_rows(layout.planes, layout.size.y as usize) {
+        lines.clear();
+        lines.extend(entries.iter().map(|e| tables.row(replicate, plane, e.row, y)));
+        value_line.fill(0.0);
+        let line = &mut by_radiance[plane * n + y * width..][..width];
+        kernels::combine_thrice(&lines, &weights, [&mut *line, &mut size_line, &mut value_line]);
+        for (to, weights) in planes.iter().enumerate().take(out.len() / n) {
+            let weight = weights[plane];
+            if weight == 0.0 {
+                continue;
+            }
+            let at = to * n + y * width;
+            for (to, from) in [
+                (&mut *out, (radiance * weight, &*line)),
+                (&mut *by_size, (weight, &size_line)),
+                (&mut *value, (weight, &value_line)),
+            ] {
+                let (weight, from) = from;
+                to[at..][..width].iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
             }
         }
     }
@@ -258,10 +392,19 @@ impl TransportBasis {
         let r = Recombination::new(&self.layout, x);
         let mut sums = vec![0.0_f64; x.radiance.len()];
         for e in &r.entries {
-            let of = |replicate| -> f64 {
-                (0..self.layout.size.y as usize).map(|y| kernels::sum(self.row(replicate, 0, e.row, y))).sum()
+            let of = |replicate, plane| -> f64 {
+                let rows = 0..self.layout.size.y as usize;
+                rows.map(|y| kernels::sum(self.row(replicate, plane, e.row, y))).sum()
             };
-            sums[e.light] += e.weight * (0..self.n_replicates()).map(of).sum::<f64>();
+            let of_all = |plane| (0..self.n_replicates()).map(|replicate| of(replicate, plane)).sum::<f64>();
+            let planes = self.layout.planes;
+            sums[e.light] += match r.factors[e.light].filter(|_| planes > 1) {
+                None => e.weight * of_all(0),
+                Some(factors) => {
+                    let weights = plane_weights(factors)[0];
+                    (0..planes).map(|plane| e.weight * weights[plane] * of_all(plane)).sum::<f64>()
+                }
+            };
         }
         sums.iter_mut().for_each(|s| *s = s.max(0.0));
         let total: f64 = sums.iter().sum();
@@ -301,6 +444,7 @@ impl TransportBasis {
                 r.entries.iter().filter(|e| e.light == light && e.weight != 0.0).collect();
             let weights: Vec<f64> = entries.iter().map(|e| e.weight * scale).collect();
             let rows: Vec<usize> = entries.iter().map(|e| e.row).collect();
+            let factors = r.factors[light].unwrap_or([1.0; 3]);
             let width = self.width();
             let mut pictures = [(); N].map(|()| vec![[0.0_f32; 3]; n]);
             let [mut red, mut blue, mut one] = std::array::from_fn(|_| vec![0.0; width]);
@@ -332,7 +476,8 @@ impl TransportBasis {
                         let of_all = self.n_replicates() as f64 / part.len() as f64;
                         let factor =
                             if N == 1 || total <= 0.0 { 1.0 } else { sum[x].max(0.0) / total * of_all };
-                        picture[y * width + x] = rgb.map(|v| (v * factor) as f32);
+                        picture[y * width + x] =
+                            std::array::from_fn(|c| (rgb[c] * factor * factors[c]) as f32);
                     }
                 }
             }

@@ -45,7 +45,7 @@ impl Kind for Background {
         &mut x.value
     }
 
-    fn derivative(&self, gradient: &LightingGradient, _light: usize) -> f64 {
+    fn derivative(&self, gradient: &LightingGradient, _x: &Lighting, _light: usize) -> f64 {
         gradient.value
     }
 

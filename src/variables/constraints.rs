@@ -17,6 +17,23 @@ impl Default for FreeKinds {
 }
 
 impl FreeKinds {
+    /// All kinds, each once.
+    #[must_use]
+    pub fn all() -> Self {
+        Self(VariableKind::words().collect())
+    }
+
+    /// These kinds and those that are free in the other.
+    #[must_use]
+    pub fn union(mut self, other: &Self) -> Self {
+        for kind in &other.0 {
+            if !self.0.contains(kind) {
+                self.0.push(*kind);
+            }
+        }
+        self
+    }
+
     /// The kinds of some keywords; words that name none are left out.
     #[must_use]
     pub fn named(keywords: &[&str]) -> Self {
@@ -49,15 +66,19 @@ pub struct Constraints {
     pub movement: Movement,
     /// Lights that follow others, leaders before their followers.
     pub bonds: Vec<Bond>,
+    /// Names of groups of lights, with the light whose radiance is the group's variable.
+    pub groups: Vec<(String, usize)>,
 }
 
 /// Freedom and bounds of the variables of a light.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightConstraints {
     /// Kinds of variables that are free for the light.
     pub free: FreeKinds,
     /// Bounds of the size; `None` for those that the geometry sets.
     pub size_range: Option<[f32; 2]>,
+    /// Bounds of the colour's temperature, kelvin; `None` for the usual ones.
+    pub temperature_range: Option<[f32; 2]>,
     /// Upper bound of the radiance; `None` for that of the survey.
     pub radiance_max: Option<f32>,
     /// Whether the light comes from the scene file and the sidecar does not name it, so that it may light
@@ -65,6 +86,20 @@ pub struct LightConstraints {
     pub is_from_file: bool,
     /// Whether the light stays where it is, also where others may be moved.
     pub stays: bool,
+}
+
+impl Default for LightConstraints {
+    /// Everything may be free, and lie where the survey finds.
+    fn default() -> Self {
+        Self {
+            free: FreeKinds::all(),
+            size_range: None,
+            temperature_range: None,
+            radiance_max: None,
+            is_from_file: false,
+            stays: false,
+        }
+    }
 }
 
 impl LightConstraints {

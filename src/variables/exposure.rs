@@ -56,7 +56,7 @@ impl Kind for Exposure {
         &mut x.exposure
     }
 
-    fn derivative(&self, gradient: &LightingGradient, _light: usize) -> f64 {
+    fn derivative(&self, gradient: &LightingGradient, _x: &Lighting, _light: usize) -> f64 {
         gradient.exposure
     }
 }

@@ -4,8 +4,11 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-use super::Range;
-use crate::{lighting::Lighting, transport::LightingGradient};
+use super::{
+    Range,
+    color::{Channel, Temperature},
+};
+use crate::{light::LightColor, lighting::Lighting, transport::LightingGradient};
 
 /// Owner of the variables of a kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,8 +45,8 @@ pub trait Kind: fmt::Debug + Sync {
     /// The variable's value in a lighting.
     fn value<'x>(&self, x: &'x mut Lighting, light: usize) -> &'x mut f64;
 
-    /// Derivative by the variable's value of a number whose gradient by the lighting is `gradient`.
-    fn derivative(&self, gradient: &LightingGradient, light: usize) -> f64;
+    /// Derivative by the variable's value of a number whose gradient by the lighting `x` is `gradient`.
+    fn derivative(&self, gradient: &LightingGradient, x: &Lighting, light: usize) -> f64;
 
     /// Extends the ranges of a transport basis to all values that the free variable of a light, or of the
     /// scene (`light` is then 0), may take.
@@ -111,6 +114,10 @@ pub struct SurveyedScene<'a> {
     pub neutral: Vec<f64>,
     /// Exposure that the author gave, or the command line.
     pub exposure: f64,
+    /// Colour of each light at the neutral start.
+    pub colors: Vec<LightColor>,
+    /// Bounds that the author sets on the temperature of each light's colour; `None` without any.
+    pub temperature_range: Vec<Option<[f32; 2]>>,
 }
 
 /// Ranges of sizes and of the background's value that a transport basis must hold.
@@ -120,6 +127,8 @@ pub struct BasisRanges {
     pub sizes: Vec<SizeBounds>,
     /// Largest value of the background; `None` if that does not vary.
     pub largest_value: Option<f32>,
+    /// Whether the colour of a light varies.
+    pub colors: bool,
 }
 
 /// A start at which the main object has the mean luminance of a target.
@@ -151,6 +160,12 @@ impl VariableKind {
     #[must_use]
     pub fn is_of_light(self) -> bool {
         self.owner() == Owner::Light
+    }
+
+    /// Whether the kind is a colour of a light.
+    #[must_use]
+    pub fn is_of_color(self) -> bool {
+        [Temperature::KEYWORD, Channel::KEYWORD].contains(&self.keyword())
     }
 
     /// Name of the variable of this kind that a light, or the scene, has.

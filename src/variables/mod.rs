@@ -6,6 +6,7 @@
 
 mod background;
 pub mod bounds;
+mod color;
 mod constraints;
 mod exposure;
 mod kind;

@@ -49,7 +49,7 @@ impl Kind for Radiance {
         &mut x.radiance[light]
     }
 
-    fn derivative(&self, gradient: &LightingGradient, light: usize) -> f64 {
+    fn derivative(&self, gradient: &LightingGradient, _x: &Lighting, light: usize) -> f64 {
         gradient.radiance[light]
     }
 

@@ -10,6 +10,9 @@ pub enum Scale {
     Linear,
     /// In equal ratios: `lower·(upper/lower)^u`, for a positive lower bound.
     Logarithmic,
+    /// In equal steps of the reciprocal, for a positive lower bound: temperatures of colours, of which equal steps in
+    /// mired look equal.
+    Reciprocal,
     /// By the sRGB decoding function: even steps look even, and the slope at the lower bound is not zero,
     /// so that a light that is off can come on.
     Perceptual,

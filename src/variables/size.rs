@@ -45,7 +45,7 @@ impl Kind for Size {
         &mut x.size[light]
     }
 
-    fn derivative(&self, gradient: &LightingGradient, light: usize) -> f64 {
+    fn derivative(&self, gradient: &LightingGradient, _x: &Lighting, light: usize) -> f64 {
         gradient.size[light]
     }
 

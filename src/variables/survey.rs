@@ -19,8 +19,13 @@ use rayon::prelude::*;
 use super::{
     BasisRanges, Bond, Constraints, Followed, FreeKinds, Limits, MatchedStart, Owner, ParamVector, Range,
     SizeBounds, SurveyedScene, Tie, Variable, VariableKind, bounds,
+    color::{Channel, Temperature},
+    radiance::Radiance,
+    size::Size,
 };
-use crate::{film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene};
+use crate::{
+    film::Picture, integrator::View, lighting::Lighting, math::Measure, scene::Scene, transport::Brought,
+};
 
 /// Display luminance at which what a light lights is taken to be white: a mean of 1 would need pixels
 /// that all clip.
@@ -56,13 +61,15 @@ pub enum SurveyError {
     #[error("the scene has no lights; add [[lights]] to its sidecar, or a material that emits")]
     NoLights,
     #[error(
-        "nothing is free: allow radiance, size, background or exposure with --free, or `free` in the sidecar"
+        "nothing is free: allow radiance, size, color, background or exposure with --free, or `free` in the sidecar"
     )]
     NothingFree,
     #[error("light `{light}` does not light the picture; move it or turn it")]
     LightsNothing { light: String },
     #[error("light `{light}` brings no light to the main object, so that `{other}` has no ratio to it")]
     BringsNothing { light: String, other: String },
+    #[error("light `{light}`: `color` and `color_rgb` are free; give one of them")]
+    TwoColours { light: String },
     #[error("light `{light}` is within {distance:.1e} m of a surface at any size; move it away")]
     NoRoom { light: String, distance: f32 },
 }
@@ -163,7 +170,8 @@ impl Fitted {
     /// scene's author may take all of its values.
     #[must_use]
     pub fn basis_ranges(&self, constraints: &Constraints, free: &FreeKinds) -> BasisRanges {
-        let mut ranges = BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None };
+        let mut ranges =
+            BasisRanges { sizes: vec![None; self.sizes.len()], largest_value: None, colors: false };
         for kind in VariableKind::all() {
             for light in
                 owners(kind, self.sizes.len()).filter(|&light| is_free(kind, light, constraints, free))
@@ -226,6 +234,8 @@ pub fn gain_for(
     measure: Measure,
 ) -> f64 {
     let n = planes.len() / measure.n_planes();
+    let measure = measure.of_luminance();
+    let planes = &planes[..n * measure.n_planes()];
     let weights: Vec<f64> = planes[..n].iter().map(|&y| weight(y)).collect();
     let total: f64 = weights.iter().sum();
     let (mut shown, mut slopes) = (vec![0.0; n], vec![0.0; planes.len()]);
@@ -264,6 +274,9 @@ pub struct Survey<'a> {
     pub means: Vec<f64>,
     /// The same over the main object.
     brought: Vec<f64>,
+    /// What each light brings to the main object by its size; `None` where that is not known, and the sizes of lights in
+    /// a ratio are not free.
+    by_size: Option<Vec<Brought>>,
     /// Radiance of each light at which it alone shows what it lights at [`BRIGHT`].
     pub bright: Vec<f64>,
     /// Mean linear luminance that every light contributes at the neutral start.
@@ -295,7 +308,21 @@ impl<'a> Survey<'a> {
         let gain = gain_for(&alike, |_| 1.0, START, exposure, measure);
         let bright = images.par_iter().map(|image| gain_for(image, |y| y, BRIGHT, exposure, measure));
         let bright = bright.collect();
-        Self { scene, fitted, constraints, free, measure, images, means, brought, bright, gain }
+        let by_size = None;
+        Self { scene, fitted, constraints, free, measure, images, means, brought, by_size, bright, gain }
+    }
+
+    /// The same survey where it is known what each light brings to the main object by its size.
+    #[must_use]
+    pub fn with_brought(self, brought: Vec<Brought>) -> Self {
+        Self { by_size: Some(brought), ..self }
+    }
+
+    /// Whether the size of a light must stay as it is, because a ratio to what it brings there is kept.
+    fn keeps_size(&self, light: usize) -> bool {
+        let in_ratio =
+            |bond: &Bond| bond.of == Followed::Brought && (bond.light == light || bond.leader == light);
+        self.by_size.is_none() && self.constraints.bonds.iter().any(in_ratio)
     }
 
     /// Results from which the ranges of the variables follow.
@@ -308,6 +335,8 @@ impl<'a> Survey<'a> {
             bright: &self.bright,
             neutral: self.means.iter().map(|mean| self.gain / mean).collect(),
             exposure: self.fitted.lighting.exposure,
+            colors: (0..self.scene.lights.len()).map(|l| self.fitted.lighting.color_of(l)).collect(),
+            temperature_range: self.constraints.lights.iter().map(|light| light.temperature_range).collect(),
         }
     }
 
@@ -316,10 +345,15 @@ impl<'a> Survey<'a> {
         if !is_free(kind, light, self.constraints, self.free) {
             return None;
         }
+        if kind.keyword() == Size::KEYWORD && self.keeps_size(light) {
+            return None;
+        }
         // Where both bounds are the same nothing is free.
         let range = kind.range(scene, light).filter(|range| range.lower < range.upper)?;
         let Range { unit, lower, upper, initial, scale } = range;
-        let name = kind.variable_name(&self.scene.lights[light].name);
+        let group = self.constraints.groups.iter().find(|(_, leader)| *leader == light);
+        let group = group.filter(|_| kind.keyword() == Radiance::KEYWORD).map(|(name, _)| name);
+        let name = kind.variable_name(group.unwrap_or(&self.scene.lights[light].name));
         Some(Variable { name, unit, lower, upper, initial, scale, kind, light })
     }
 
@@ -333,6 +367,14 @@ impl<'a> Survey<'a> {
         let is_needed = |i: usize| !constraints.lights[i].is_from_file || means.iter().all(|&m| m <= 0.0);
         if let Some(i) = (0..means.len()).find(|&i| means[i] <= 0.0 && is_needed(i)) {
             return Err(SurveyError::LightsNothing { light: scene.lights[i].name.clone() });
+        }
+        let is_free = |kind: &str, l: usize| {
+            VariableKind::named(kind).is_some_and(|kind| is_free(kind, l, constraints, self.free))
+        };
+        if let Some(l) =
+            (0..means.len()).find(|&l| is_free(Temperature::KEYWORD, l) && is_free(Channel::KEYWORD, l))
+        {
+            return Err(SurveyError::TwoColours { light: scene.lights[l].name.clone() });
         }
         let surveyed = self.surveyed();
         let mut variables = Vec::new();
@@ -359,10 +401,16 @@ impl<'a> Survey<'a> {
         let tie = |bond: &Bond| {
             let Bond { light, leader, factor, .. } = *bond;
             Ok(match bond.of {
-                Followed::Radiance => Tie { light, leader, factor },
+                Followed::Radiance => Tie { light, leader, factor, brought: None },
                 Followed::Brought => {
-                    let factor = factor * brought(leader, light)? / brought(light, leader)?;
-                    Tie { light, leader, factor }
+                    let [of_leader, of_light] = [brought(leader, light)?, brought(light, leader)?];
+                    match &self.by_size {
+                        Some(by_size) => {
+                            let by_size = [leader, light].map(|l| by_size[l].clone());
+                            Tie { light, leader, factor, brought: Some(Box::new(by_size)) }
+                        }
+                        None => Tie { light, leader, factor: factor * of_leader / of_light, brought: None },
+                    }
                 }
             })
         };

@@ -3,14 +3,27 @@
 use serde::{Deserialize, Deserializer, de::Error as _};
 
 use super::{
-    Kind, Owner, VariableKind, background::Background, exposure::Exposure, radiance::Radiance, size::Size,
+    Kind, Owner, VariableKind,
+    background::Background,
+    color::{Channel, Temperature},
+    exposure::Exposure,
+    radiance::Radiance,
+    size::Size,
 };
 
 /// All kinds of variables, in the order in which the variables of a light are listed.
-pub static KINDS: [&dyn Kind; 4] = [&Radiance, &Size, &Background, &Exposure];
+pub static KINDS: [&dyn Kind; 8] =
+    [&Radiance, &Size, &Temperature, &Channel(0), &Channel(1), &Channel(2), &Background, &Exposure];
 
-/// Keywords of all kinds, in the order of [`KINDS`].
-const KEYWORDS: [&str; 4] = [Radiance::KEYWORD, Size::KEYWORD, Background::KEYWORD, Exposure::KEYWORD];
+/// Keywords of all kinds, in the order of [`KINDS`], each once.
+const KEYWORDS: [&str; 6] = [
+    Radiance::KEYWORD,
+    Size::KEYWORD,
+    Temperature::KEYWORD,
+    Channel::KEYWORD,
+    Background::KEYWORD,
+    Exposure::KEYWORD,
+];
 
 impl VariableKind {
     /// All kinds of variables, in the order of [`KINDS`].
@@ -18,7 +31,12 @@ impl VariableKind {
         KINDS.into_iter().map(Self)
     }
 
-    /// Kind with a keyword; `None` if there is none.
+    /// The first kind with each keyword, in the order of [`KINDS`].
+    pub fn words() -> impl Iterator<Item = Self> {
+        KEYWORDS.iter().filter_map(|word| Self::named(word))
+    }
+
+    /// First kind with a keyword; `None` if there is none.
     #[must_use]
     pub fn named(keyword: &str) -> Option<Self> {
         Self::all().find(|kind| kind.keyword() == keyword)

@@ -42,6 +42,7 @@ impl Variable {
             Scale::Linear => u,
             Scale::Perceptual => eotf_srgb(u),
             Scale::Logarithmic => return self.lower * (self.upper / self.lower).powf(u),
+            Scale::Reciprocal => return 1.0 / (1.0 / self.lower + self.reciprocals() * u),
         };
         self.lower + (self.upper - self.lower) * t
     }
@@ -53,11 +54,16 @@ impl Variable {
             Scale::Linear => self.upper - self.lower,
             Scale::Perceptual => (self.upper - self.lower) * eotf_srgb_derivative(u),
             Scale::Logarithmic => self.decode(u) * self.ratio(),
+            Scale::Reciprocal => -self.reciprocals() * self.decode(u).powi(2),
         }
     }
 
     fn ratio(&self) -> f64 {
         (self.upper / self.lower).ln()
+    }
+
+    fn reciprocals(&self) -> f64 {
+        1.0 / self.upper - 1.0 / self.lower
     }
 
     /// Unit, bounds, start and scale.
@@ -97,6 +103,7 @@ impl Variable {
             Scale::Linear => t,
             Scale::Perceptual => oetf_srgb(t),
             Scale::Logarithmic => (value / self.lower).max(1.0).ln().min(self.ratio()) / self.ratio(),
+            Scale::Reciprocal => ((1.0 / value - 1.0 / self.lower) / self.reciprocals()).clamp(0.0, 1.0),
         }
     }
 }
@@ -183,21 +190,26 @@ impl ParamVector {
             *v.kind.value(&mut x, v.light) = value;
         }
         for tie in &self.ties {
-            x.radiance[tie.light] = tie.factor * x.radiance[tie.leader];
+            x.radiance[tie.light] = tie.ratio(&x).0 * x.radiance[tie.leader];
         }
         x
     }
 
-    /// Writes the gradient of a number by `u` to `gradient`, from its gradient by the lighting at `u`.
-    pub fn pull_back(&self, u: &[f64], by_lighting: &LightingGradient, gradient: &mut [f64]) {
+    /// Writes the gradient of a number by `u` to `gradient`, from its gradient by the lighting `x` at `u`.
+    pub fn pull_back(&self, u: &[f64], x: &Lighting, by_lighting: &LightingGradient, gradient: &mut [f64]) {
         let mut carried = Cow::Borrowed(by_lighting);
         for tie in self.ties.iter().rev() {
-            let of_follower = tie.factor * carried.radiance[tie.light];
-            carried.to_mut().radiance[tie.leader] += of_follower;
+            let (ratio, by_sizes) = tie.ratio(x);
+            let by_follower = carried.radiance[tie.light];
+            let to = carried.to_mut();
+            to.radiance[tie.leader] += ratio * by_follower;
+            for (light, by_size) in [tie.leader, tie.light].into_iter().zip(by_sizes) {
+                to.size[light] += by_size * x.radiance[tie.leader] * by_follower;
+            }
         }
         let by_lighting = &*carried;
         for ((v, &u), g) in self.variables.iter().zip(u).zip(gradient) {
-            *g = v.kind.derivative(by_lighting, v.light) * v.slope(u);
+            *g = v.kind.derivative(by_lighting, x, v.light) * v.slope(u);
         }
     }
 }
@@ -220,20 +232,32 @@ mod tests {
             kind: VariableKind::named("radiance").unwrap(),
             light: 0,
         };
-        let tie = |light, leader, factor| Tie { light, leader, factor };
+        let tie = |light, leader, factor| Tie { light, leader, factor, brought: None };
         let v = ParamVector { variables: vec![key], ties: vec![tie(2, 0, 0.25), tie(1, 2, 0.5)] };
-        let fixed = Lighting { radiance: vec![1.0; 4], size: vec![1.0; 4], value: 1.0, exposure: 1.0 };
-        assert_eq!(v.lighting(fixed, &[8.0]).radiance, [8.0, 1.0, 2.0, 1.0]);
+        let fixed = Lighting {
+            radiance: vec![1.0; 4],
+            size: vec![1.0; 4],
+            value: 1.0,
+            exposure: 1.0,
+            color: Vec::new(),
+        };
+        let x = v.lighting(fixed, &[8.0]);
+        assert_eq!(x.radiance, [8.0, 1.0, 2.0, 1.0]);
         let mut by_lighting = LightingGradient::zero(4);
         by_lighting.radiance = vec![1.0, 10.0, 100.0, 1000.0];
         let mut gradient = [0.0];
-        v.pull_back(&[0.8], &by_lighting, &mut gradient);
+        v.pull_back(&[0.8], &x, &by_lighting, &mut gradient);
         assert!((gradient[0] - 10.0 * (1.0 + 0.125 * 10.0 + 0.25 * 100.0)).abs() < 1e-12);
     }
 
     #[test]
     fn scales_invert_and_a_light_that_is_off_can_come_on() {
-        for (scale, lower) in [(Scale::Linear, 0.0), (Scale::Perceptual, 0.0), (Scale::Logarithmic, 0.5)] {
+        for (scale, lower) in [
+            (Scale::Linear, 0.0),
+            (Scale::Perceptual, 0.0),
+            (Scale::Logarithmic, 0.5),
+            (Scale::Reciprocal, 2.0),
+        ] {
             let v = Variable {
                 name: "a".into(),
                 unit: "",
@@ -248,7 +272,7 @@ mod tests {
                 let u = f64::from(i) / 10.0;
                 assert!((v.encode(v.decode(u)) - u).abs() < 1e-12);
             }
-            assert_eq!((v.decode(0.0), v.decode(1.0)), (lower, 8.0));
+            assert!(v.decode(0.0) == lower && (v.decode(1.0) - 8.0).abs() < 1e-12);
             assert!((v.decode(1e-6) - lower) / 1e-6 > 0.05 * 8.0);
             for u in [0.01, 0.3, 0.8] {
                 let difference = (v.decode(u + 1e-6) - v.decode(u - 1e-6)) / 2e-6;

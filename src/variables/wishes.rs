@@ -5,8 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Constraints, FreeKinds, radiance::Radiance, size::Size};
-use crate::files::nearest;
+use super::{Constraints, FreeKinds, VariableKind, radiance::Radiance};
+use crate::{files::nearest, lighting::Lighting, transport::Brought};
 
 /// Wishes in the words of the command line and of the sidecar.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -58,14 +58,34 @@ pub struct Bond {
 }
 
 /// A radiance that is a multiple of another.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tie {
     /// Index of the light that follows.
     pub light: usize,
     /// Index of the light that it follows.
     pub leader: usize,
-    /// Its radiance over the leader's.
+    /// Its radiance over the leader's, or with `brought` what it brings over what the leader brings.
     pub factor: f64,
+    /// What leader and follower bring to the main object, where that depends on free sizes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub brought: Option<Box<[Brought; 2]>>,
+}
+
+impl Tie {
+    /// Radiance of the follower over that of the leader in the lighting `x`, with its derivatives by the sizes of
+    /// leader and follower.
+    #[must_use]
+    pub fn ratio(&self, x: &Lighting) -> (f64, [f64; 2]) {
+        let Some(brought) = &self.brought else { return (self.factor, [0.0; 2]) };
+        let [(leader, by_leader), (follower, by_follower)] =
+            [(&brought[0], self.leader), (&brought[1], self.light)].map(|(of, light)| of.at(x.size[light]));
+        if follower <= 0.0 {
+            // A light that brings nothing at a size has no ratio there.
+            return (0.0, [0.0; 2]);
+        }
+        let ratio = self.factor * leader / follower;
+        (ratio, [self.factor * by_leader / follower, -ratio * by_follower / follower])
+    }
 }
 
 impl Wishes {
@@ -109,12 +129,6 @@ impl Wishes {
                 return fail(format!("{words}: `{}` is off", names[light]));
             }
             drop_kind(&mut constraints.lights[bond.light].free, Radiance::KEYWORD);
-            if bond.of == Followed::Brought {
-                // What a light brings depends on its size.
-                for light in [bond.light, bond.leader] {
-                    drop_kind(&mut constraints.lights[light].free, Size::KEYWORD);
-                }
-            }
         }
         if let Some(&light) = off.iter().find(|light| locked.contains(light)) {
             return fail(format!("`{0}` is off, and locked (lock {0})", names[light]));
@@ -124,6 +138,7 @@ impl Wishes {
             constraints.lights[light].keep();
         }
         constraints.bonds = bonds;
+        constraints.groups = self.groups(names)?;
         Ok(())
     }
 
@@ -152,11 +167,10 @@ impl Wishes {
                 continue;
             }
             let (owner, kind) = match word.rsplit_once('.') {
-                Some((owner, kind @ (Radiance::KEYWORD | Size::KEYWORD)))
-                    if !names.contains(&word.as_str()) =>
-                {
-                    (owner, Some(kind))
-                }
+                Some((owner, kind)) if !names.contains(&word.as_str()) => match variable(kind) {
+                    Some(kind) => (owner, Some(kind)),
+                    None => (word.as_str(), None),
+                },
                 _ => (word.as_str(), None),
             };
             let light = light(names, owner, "lock")?;
@@ -165,11 +179,26 @@ impl Wishes {
                 Some(kind) => drop_kind(&mut of_light.free, kind),
                 None => of_light.keep(),
             }
-            if kind != Some(Size::KEYWORD) {
+            if kind.is_none_or(|kind| kind == Radiance::KEYWORD) {
                 locked.push(light);
             }
         }
         Ok(locked)
+    }
+
+    /// Names of the groups with their leaders.
+    fn groups(&self, names: &[&str]) -> Result<Vec<(String, usize)>, WishError> {
+        let mut groups: Vec<(String, usize)> = Vec::new();
+        for wish in &self.group {
+            let Some((name, list)) = wish.split_once('=') else { continue };
+            let name = name.trim();
+            if names.contains(&name) || groups.iter().any(|(other, _)| other == name) {
+                return fail(format!("group {wish}: a light or another group is called `{name}`"));
+            }
+            let leader = list.split(',').next().unwrap_or_default();
+            groups.push((name.to_owned(), light(names, leader.trim(), "group")?));
+        }
+        Ok(groups)
     }
 
     /// Bonds of all lights, those of leaders before those of their followers.
@@ -217,6 +246,13 @@ fn fail<T>(message: String) -> Result<T, WishError> {
 
 fn drop_kind(free: &mut FreeKinds, keyword: &str) {
     free.0.retain(|kind| kind.keyword() != keyword);
+}
+
+/// Keyword of a kind of variable that lights have, from it or from the last part of a variable's name.
+fn variable(word: &str) -> Option<&'static str> {
+    let of_light = VariableKind::all().filter(|kind| kind.is_of_light());
+    let mut named = of_light.filter(|kind| kind.keyword() == word || kind.suffix() == word);
+    named.next().map(|kind| kind.keyword())
 }
 
 /// Index of the light of a name.
@@ -320,9 +356,10 @@ mod tests {
             constraints.bonds.iter().map(|b| (b.light, b.leader, b.factor)).collect();
         // Leaders come before their followers.
         assert_eq!(found, [(2, 0, 0.25), (1, 2, 0.5), (3, 0, 0.125)]);
+        assert_eq!(constraints.groups, [("all".to_owned(), 0)]);
         let is_free = |light: usize, kind: &str| constraints.lights[light].free.contains(kind);
         assert!(!is_free(1, "radiance") && is_free(1, "size") && is_free(0, "radiance"));
-        assert!(!is_free(0, "size") && !is_free(2, "size"), "sizes under a ratio");
+        assert!(is_free(0, "size") && is_free(2, "size"), "sizes under a ratio");
         let (constraints, radiance) = wishes(|w| {
             w.lock = strings(&["key.size", "fill", "background"]);
             w.off = strings(&["rim"]);
@@ -340,7 +377,8 @@ mod tests {
     fn contradictions_name_both_sides() {
         let error = |fill: &dyn Fn(&mut Wishes)| wishes(fill).unwrap_err().to_string();
         type Case<'c> = (&'c dyn Fn(&mut Wishes), &'c [&'c str]);
-        let cases: [Case; 9] = [
+        let cases: [Case; 10] = [
+            (&|w| w.group = strings(&["rim=key,fill"]), &["group rim=key,fill", "called `rim`"]),
             (&|w| w.tie = strings(&["fill=key", "fill=rim/2"]), &["tie fill=key", "tie fill=rim/2"]),
             (&|w| w.tie = strings(&["fill=key", "key=fill"]), &["circle", "fill=key", "key=fill"]),
             (

@@ -3,8 +3,10 @@
 // Helpers outside #[test] functions may panic too.
 #![allow(clippy::unwrap_used)]
 
+mod aims;
 mod basis;
 mod bench;
+mod colors;
 mod denoise;
 mod evaluate;
 mod exchange;

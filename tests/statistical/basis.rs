@@ -99,6 +99,7 @@ fn random_lighting(scene: &Scene, random: &mut Random, value: f64) -> Lighting {
         size: scene.lights.iter().map(|_| f64::from(random.range(SIZES[0], SIZES[1]))).collect(),
         value,
         exposure: 1.0,
+        color: Vec::new(),
     }
 }
 

@@ -42,6 +42,7 @@ fn lightings() -> [Lighting; 2] {
         size: size.into(),
         value,
         exposure: 1.0,
+        color: Vec::new(),
     };
     [lighting([2.0, 4.0, 2.0], [1.0, 1.0, 1.0], 1.0), lighting([9.0, 0.0, 6.0], [0.3, 1.0, 1.2], 0.6)]
 }

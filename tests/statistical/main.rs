@@ -5,6 +5,7 @@
 mod basis;
 mod basket;
 mod bsdf;
+mod colors;
 mod gradient;
 mod growing;
 mod light;

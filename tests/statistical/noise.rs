@@ -48,7 +48,13 @@ fn view(scene: &Scene) -> View<'_> {
 }
 
 fn lighting() -> Lighting {
-    Lighting { radiance: vec![6.0, 20.0], size: vec![0.4, 0.25], value: 0.7, exposure: 1.0 }
+    Lighting {
+        radiance: vec![6.0, 20.0],
+        size: vec![0.4, 0.25],
+        value: 0.7,
+        exposure: 1.0,
+        color: Vec::new(),
+    }
 }
 
 fn objective(scene: &Scene) -> Objective {

@@ -6,8 +6,8 @@ use glam::{UVec2, Vec2, Vec3};
 use lightopt_embree::{
     camera::{Camera, Lens},
     light::{
-        Cone, Distant, Edge, EmissiveTriangle, Environment, Light, MeshLight, Outline, Planar, Point,
-        RadianceMap, Shape, Sphere, Surroundings, look_frame,
+        Cone, Distant, Edge, EmissiveTriangle, Environment, Light, LightColor, MeshLight, Outline, Planar,
+        Point, RadianceMap, Shape, Sphere, Surroundings, look_frame,
     },
     math::Rgb,
     picture::Samples,
@@ -108,6 +108,8 @@ pub fn light(name: &str, shape: Shape) -> Light {
         name: name.into(),
         shape,
         color: Rgb::ONE,
+        picture_color: LightColor::Recorded,
+        temperature: None,
         radiance: 1.0,
         size: 1.0,
         camera_visible: true,

@@ -98,6 +98,7 @@ impl Runner<'_> {
             memory: MEMORY,
             integrator: self.transport.integrator(),
             sampler: self.transport.sampler,
+            weights: None,
             measure: Measure { view: self.settings.view, ..Measure::default() },
             size: self.settings.size,
             work_size: self.settings.work_size,

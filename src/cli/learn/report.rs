@@ -186,7 +186,7 @@ fn confusion_table(text: &mut String, outcomes: &[Outcome], confusion: &[Vec<usi
 fn scalars(target: &Target) -> impl Iterator<Item = (&'static str, f64)> {
     target.goals().filter_map(|(term, goal)| match goal {
         Goal::Value(value) => Some((term.name(), *value)),
-        Goal::Signature(_) => None,
+        Goal::Signature(_) | Goal::Palette(_) => None,
     })
 }
 

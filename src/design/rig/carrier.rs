@@ -20,9 +20,9 @@ use crate::{
     files::number::Bytes,
     film::Picture,
     integrator::{View, aov},
-    light::Light,
+    light::{Light, LightColor},
     lighting::{Lighting, SampleCounts, SamplingPlan},
-    math::Measure,
+    math::{Measure, measure::COLOUR_PLANES},
     objective::{Objective, ObjectiveError, Target},
     scene::Scene,
     transport::{Layout, Recombination, SizeBins, Source, Tables, TransportBasis, ValueNodes, splat_memory},
@@ -277,11 +277,7 @@ impl<L: Candidate> Carrier<L> {
             .enumerate()
             .flat_map(|(k, &light)| self.of_light(light).map(move |v| Variable { light: k, ..v.clone() }));
         let of_scene = self.variables.iter().filter(|v| !v.kind.is_of_light()).cloned();
-        let fixed = Lighting {
-            radiance: lights.iter().map(|&l| self.fixed.radiance[l]).collect(),
-            size: lights.iter().map(|&l| self.fixed.size[l]).collect(),
-            ..self.fixed
-        };
+        let fixed = self.fixed.of_lights(lights);
         Part {
             basis: basis.of_lights(lights),
             // Lights that follow others are free here; the search that follows ties them.
@@ -313,6 +309,9 @@ fn with_lamps(own: &Fitted, n: usize) -> Fitted {
     let mut fitted = own.clone();
     fitted.lighting.radiance.extend(vec![1.0; n]);
     fitted.lighting.size.extend(vec![1.0; n]);
+    if !fitted.lighting.color.is_empty() {
+        fitted.lighting.color.extend(vec![LightColor::Recorded; n]);
+    }
     // Nothing of a carrier has a free size.
     fitted.sizes = vec![None; fitted.lighting.n_lights()];
     fitted
@@ -340,13 +339,14 @@ fn plan(
         (true, Some(_)) => ValueNodes::new(f64::from(fitted.largest_value()), integrator.max_depth),
         _ => ValueNodes::new(fitted.lighting.value, 1),
     };
+    let planes = if fitted.lighting.color.is_empty() { measure.n_planes() } else { COLOUR_PLANES };
     let largest = nodes.values()[0];
     let mut needed = 0;
     let least = if work_size.max_element() >= 2 * LEAST_SIDE { 2 } else { 1 };
     for factor in least..=MOST_REDUCED {
         let size = (work_size / factor).max(UVec2::ONE);
         let bins = fitted.lighting.size.iter().map(|&s| SizeBins::Fixed(s as f32)).collect();
-        let layout = Layout::new(size, bins, nodes.clone()).with_planes(measure.n_planes());
+        let layout = Layout::new(size, bins, nodes.clone()).with_planes(planes);
         let subpaths = integrator.kind.light_subpaths(u64::from(size.element_product() * spp), counts);
         let splats = splat_memory(&layout, subpaths, integrator.max_depth);
         // Tables, and those of a quarter of the pixels.
@@ -375,7 +375,7 @@ fn mask(scene: &Scene, camera: &Camera, size: UVec2) -> (UVec2, Vec<bool>) {
 /// Mean over the replicates of the picture of a light alone, at unit radiance.
 fn unit_image(basis: &TransportBasis, fixed: &Lighting, light: usize) -> Vec<f64> {
     let one = basis.of_lights(&[light]);
-    let x = Lighting { radiance: vec![1.0], size: vec![fixed.size[light]], ..*fixed };
+    let x = Lighting { radiance: vec![1.0], ..fixed.of_lights(&[light]) };
     let r = Recombination::new(one.layout(), &x);
     let mut sum = vec![0.0; one.layout().n_pixels()];
     let mut image = sum.clone();
@@ -399,7 +399,8 @@ fn variables(
         unit_image(basis, &fitted.lighting, l).into_iter().map(|y| [y as f32; 3]).collect()
     };
     let unit = Picture::of_lights(size, (0..n).into_par_iter().map(grey).collect());
-    let mut constraints = Constraints { bonds: Vec::new(), ..commission.constraints.clone() };
+    let mut constraints =
+        Constraints { bonds: Vec::new(), groups: Vec::new(), ..commission.constraints.clone() };
     let lamp = LightConstraints { is_from_file: true, ..LightConstraints::default() };
     constraints.lights.resize(n, lamp);
     constraints.lights.iter_mut().for_each(|light| light.is_from_file = true);

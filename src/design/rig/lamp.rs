@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::{
-    light::{Cone, Edge, Light, Outline, Planar, Shape, look_frame},
+    light::{Cone, Edge, Light, LightColor, Outline, Planar, Shape, look_frame},
     math::Rgb,
 };
 
@@ -83,6 +83,8 @@ impl Lamp {
             name,
             shape: Shape::Planar(self.planar()),
             color: self.color,
+            picture_color: LightColor::Recorded,
+            temperature: None,
             radiance: 1.0,
             size: 1.0,
             camera_visible: true,

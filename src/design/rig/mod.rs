@@ -41,7 +41,7 @@ use crate::{
     lighting::{Lighting, MAX_RADIANCE},
     math::hash::hash_words,
     scene::Scene,
-    variables::{Constraints, Fitted, LightConstraints, bounds},
+    variables::{Constraints, Fitted, FreeKinds, LightConstraints, bounds},
 };
 
 pub use describe::in_words;
@@ -307,7 +307,8 @@ fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Ri
         let bounds = sizes(lamp, set, view).map(|s| s * size);
         let constraints = own.map_or_else(
             || LightConstraints {
-                free: order.constraints.free.clone(),
+                // Colours that a run frees, lamps have too.
+                free: order.constraints.free.clone().union(&FreeKinds::named(&["color", "color_rgb"])),
                 radiance_max: largest_radiance(radiance),
                 ..LightConstraints::default()
             },

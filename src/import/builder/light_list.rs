@@ -14,11 +14,11 @@ use crate::{
         imported::{ImportedLight, MAX_LIGHT_NAME, printable_name},
         sidecar::{LightSpec, Sidecar},
     },
-    light::{Light, Shape},
+    light::{Light, LightColor, Shape},
     lighting::MAX_RADIANCE,
-    math::luminance,
+    math::{blackbody::TEMPERATURES, luminance},
     scene::{Material, Mesh},
-    variables::LightConstraints,
+    variables::{FreeKinds, LightConstraints},
 };
 
 impl Source<'_> {
@@ -35,7 +35,7 @@ impl Source<'_> {
         let mut names = self.light_names(sidecar)?;
         let mut lights = Vec::new();
         let from_file = || LightConstraints {
-            free: sidecar.free.clone(),
+            free: sidecar.free.clone().unwrap_or_else(FreeKinds::all),
             is_from_file: true,
             ..LightConstraints::default()
         };
@@ -69,6 +69,8 @@ impl Source<'_> {
                 name,
                 shape: Shape::Mesh(shape),
                 color: tint / luminance(tint),
+                picture_color: LightColor::Recorded,
+                temperature: None,
                 radiance: luminance(tint),
                 size: 1.0,
                 camera_visible: true,
@@ -115,6 +117,16 @@ impl Source<'_> {
         Ok([self.positive(&key, lo)?, self.positive(&key, hi)?])
     }
 
+    fn temperature_range(&self, light: &str, range: [f64; 2]) -> Result<[f32; 2], ImportError> {
+        let ([lo, hi], [least, most]) = (range, TEMPERATURES);
+        if !(least <= lo && lo <= hi && hi <= most) {
+            let key = format!("lights.{light}.color_temperature_range");
+            let message = format!("must be {least} <= min <= max <= {most} K, got {}", Numbers(&range));
+            return Err(self.error(key, message));
+        }
+        Ok(range.map(|v| v as f32))
+    }
+
     fn radiance_max(&self, light: &str, max: f64) -> Result<f32, ImportError> {
         let key = format!("lights.{light}.radiance_max");
         self.positive(&key, max).and_then(|_| self.radiance(&key, max))
@@ -127,8 +139,18 @@ impl Source<'_> {
             let key = format!("lights.{}.occludes", l.name);
             return Err(self.error(key, "a light that stops rays has no free size"));
         }
-        let free = l.free.as_ref().map_or_else(|| sidecar.free.clone(), |f| sidecar.free.intersection(f));
-        Ok(LightConstraints { free, size_range, radiance_max, is_from_file: false, stays: !l.movable })
+        let of_all = sidecar.free.clone().unwrap_or_else(FreeKinds::all);
+        let free = l.free.as_ref().map_or_else(|| of_all.clone(), |f| of_all.intersection(f));
+        let temperature_range =
+            l.color_temperature_range.map(|range| self.temperature_range(&l.name, range)).transpose()?;
+        Ok(LightConstraints {
+            free,
+            size_range,
+            radiance_max,
+            temperature_range,
+            is_from_file: false,
+            stays: !l.movable,
+        })
     }
 }
 

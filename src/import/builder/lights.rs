@@ -24,11 +24,15 @@ use crate::{
         sidecar::{LightSpec, LightType},
     },
     light::{
-        Cone, Distant, Environment, Light, Outline, Planar, Point, RadianceMap, Shape, Sphere, Surroundings,
-        look_frame,
+        Cone, Distant, Environment, Light, LightColor, Outline, Planar, Point, RadianceMap, Shape, Sphere,
+        Surroundings, look_frame,
     },
     lighting::MAX_RADIANCE,
-    math::{Rgb, luminance},
+    math::{
+        Rgb,
+        blackbody::{MAX_TINT, TEMPERATURES, glow},
+        luminance,
+    },
 };
 
 /// Share of a spot's half-angle that is soft edge where the sidecar does not say.
@@ -69,9 +73,12 @@ impl Source<'_> {
         reader.check_keys()?;
         let (shape, emission) = reader.shape(emitters, warnings)?;
         let own = reader.own;
-        let color = match spec.color {
-            Some(color) => reader.color(color)?,
-            None => emission.or(own.map(|l| l.color)).unwrap_or(Rgb::ONE),
+        let color = match (spec.color, reader.temperature()?) {
+            (Some(color), _) => reader.color(color)?,
+            (None, Some([kelvin, tint])) => {
+                Rgb::from_array(glow(kelvin.into(), tint.into()).rgb.map(|v| v as f32))
+            }
+            (None, None) => emission.or(own.map(|l| l.color)).unwrap_or(Rgb::ONE),
         };
         let size = reader.size(&shape)?;
         let of_file =
@@ -81,6 +88,8 @@ impl Source<'_> {
             name: spec.name.clone(),
             shape,
             color: color / luminance(color),
+            picture_color: LightColor::Recorded,
+            temperature: reader.temperature()?,
             radiance,
             size,
             camera_visible: spec.camera_visible,
@@ -144,6 +153,29 @@ impl<'a> LightReader<'a> {
         let got = Numbers(&given);
         let message = format!("channels must be >= 0 and not all 0, at most {MAX_RADIANCE:e}, got {got}");
         Err(self.error("color", message))
+    }
+
+    /// Temperature and tint of the colour, if the sidecar gives it so.
+    fn temperature(&self) -> Result<Option<[f32; 2]>, ImportError> {
+        let LightSpec { color, color_temperature, tint, .. } = *self.spec;
+        let Some(kelvin) = color_temperature else {
+            let without = "needs `color_temperature`, from which it is the distance of the colour";
+            return if tint.is_some() { Err(self.error("tint", without)) } else { Ok(None) };
+        };
+        if color.is_some() {
+            return Err(self.error("color_temperature", "give this or `color`, not both"));
+        }
+        let [least, most] = TEMPERATURES;
+        if !(least..=most).contains(&kelvin) {
+            let message = format!("must be from {least} to {most} K, got {}", Number(kelvin));
+            return Err(self.error("color_temperature", message));
+        }
+        let tint = tint.unwrap_or(0.0);
+        if !(-MAX_TINT..=MAX_TINT).contains(&tint) {
+            let message = format!("must be from -{MAX_TINT} to {MAX_TINT}, got {}", Number(tint));
+            return Err(self.error("tint", message));
+        }
+        Ok(Some([kelvin as f32, tint as f32]))
     }
 
     /// The factor on the extents of the shape, which give a length with it.
@@ -404,6 +436,8 @@ pub fn punctual(l: &ImportedLight) -> Light {
         shape,
         // A black light is off, of whatever colour.
         color: if y > 0.0 { l.color / y } else { Rgb::ONE },
+        picture_color: LightColor::Recorded,
+        temperature: None,
         radiance: l.intensity * y,
         size: 1.0,
         camera_visible: true,

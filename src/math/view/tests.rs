@@ -120,3 +120,22 @@ fn derivatives_of_colours_agree_with_central_differences() {
         assert!(off <= 9, "{view}: {off} of 9000 derivatives");
     }
 }
+
+/// The least channel, from which PBR Neutral takes its offset, changes at grey from one to another: luminance has a
+/// slope on either side, each the derivative just there, and they differ.
+#[test]
+fn pbr_neutral_has_an_edge_at_grey() {
+    let luminance = |rgb: DVec3| ViewTransform::PbrNeutral.display(rgb).0.dot(WEIGHTS);
+    let slope = |rgb: DVec3| (ViewTransform::PbrNeutral.display(rgb).1.transpose() * WEIGHTS).x;
+    let grey = DVec3::splat(0.05);
+    let (h, near) = (1e-7, 1e-9);
+    let slopes = [1.0, -1.0].map(|side| {
+        let one_sided = side * (luminance(grey + side * h * DVec3::X) - luminance(grey)) / h;
+        let there = slope(grey + side * near * DVec3::X);
+        assert!((one_sided - there).abs() < 1e-5, "{side}: {one_sided} {there}");
+        there
+    });
+    assert!((slopes[0] - slopes[1]).abs() > 0.1, "{slopes:?}");
+}
+
+const WEIGHTS: DVec3 = DVec3::from_array(crate::math::display::LUMINANCE_WEIGHTS);

@@ -11,6 +11,7 @@ use thiserror::Error;
 use super::{Shape, Signature, SignatureError};
 use crate::files::toml_file::{self, TomlError};
 use crate::files::{did_you_mean, nearest, text};
+use crate::objective::palette::Palette;
 
 /// Version of the format of libraries, the only one so far.
 const SCHEMA: u32 = 1;
@@ -112,6 +113,10 @@ pub struct Class {
     pub outliers: Vec<String>,
     /// Signature of the class: for each of 256 bins the share of pixels below its upper edge.
     pub cumulated: Vec<f64>,
+    /// Colours of the class: shares of the pixels in 16 × 16 bins of a and b of Oklab, those of one b together; empty
+    /// in libraries of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub palette: Vec<f64>,
     /// Photographs that the signature was learned from.
     #[serde(default)]
     pub photos: Vec<PhotoRecord>,
@@ -234,6 +239,22 @@ impl Library {
         library.to_signature(found, path)
     }
 
+    /// Palette of a class of the library at `path`.
+    ///
+    /// # Errors
+    /// When the library is no valid one or has no such class, or the class no palette.
+    pub fn find_palette(path: &Path, class: &str) -> Result<Palette, LibraryError> {
+        let signature = Self::find(path, class)?;
+        let library = Self::read(path)?;
+        let found = library.classes.into_iter().find(|c| c.name == class);
+        let shares = found.map(|class| class.palette).unwrap_or_default();
+        Palette::new(signature.name(), shares).map_err(|e| LibraryError::Value {
+            path: path.to_owned(),
+            key: "classes.palette".into(),
+            expected: e.to_string(),
+        })
+    }
+
     /// Text of the file that reads as this library again.
     ///
     /// # Errors
@@ -256,6 +277,7 @@ mod tests {
             method: Method::Barycentre,
             count: 1,
             outliers: vec![],
+            palette: Vec::new(),
             cumulated: (1..=256).map(|i| (f64::from(i) / 256.0).powf(power)).collect(),
             photos: vec![PhotoRecord { file: "ä b.jpg".to_owned(), sha256: "00".to_owned() }],
         };

@@ -12,7 +12,7 @@ use crate::objective::problem::TargetProblem;
 pub enum TargetError {
     /// It is neither a built-in name nor the path of a file.
     #[error(
-        "unknown target `{name}`{}; built in are high-key and low-key, anything else is the path \
+        "unknown target `{name}`{}; built in are high-key, low-key, golden-hour, moonlight and neon, anything else is the path \
          of a target file (TOML), of a photograph, or FILE.toml#CLASS of a signature library",
         did_you_mean(*.nearest)
     )]

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use super::{Statistics, Term};
 use crate::objective::adjoint::Adjoint;
+use crate::objective::palette::Palette;
 use crate::objective::picture::Picture;
 use crate::objective::problem::TargetProblem;
 use crate::objective::signature::Signature;
@@ -99,6 +100,8 @@ pub enum Goal {
     Value(f64),
     /// The distribution that is wanted of the histogram.
     Signature(Signature),
+    /// The joint histogram that is wanted of chroma.
+    Palette(Palette),
 }
 
 impl Scalar {
@@ -115,6 +118,18 @@ impl Scalar {
             range: [0.0, 1.0],
             targets: Interval { low: 0.0, high: 1.0, words: "a number from 0 to 1" },
             limit: None,
+        }
+    }
+
+    /// A term of a mean of a or b of Oklab. Those of Rec.709 lie in the interval.
+    pub(super) const fn chroma(
+        measure: fn(&Picture) -> f64,
+        add_adjoint: fn(f64, &Statistics, &mut Adjoint),
+    ) -> Self {
+        Self {
+            range: [-0.32, 0.32],
+            targets: Interval { low: -0.32, high: 0.32, words: "a number from -0.32 to 0.32" },
+            ..Self::unit(measure, add_adjoint)
         }
     }
 
@@ -154,6 +169,7 @@ impl Goal {
         match self {
             Self::Value(value) => out.fill(*value),
             Self::Signature(signature) => out.copy_from_slice(&signature.cumulated()),
+            Self::Palette(palette) => out.copy_from_slice(palette.shares()),
         }
     }
 }

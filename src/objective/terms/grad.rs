@@ -47,6 +47,11 @@ fn sobel([al, a, ar, le, ri, bl, b, br]: [f64; 8]) -> (f64, f64) {
     ((ar - al) + 2.0 * (ri - le) + (br - bl), (bl - al) + 2.0 * (b - a) + (br - ar))
 }
 
+/// Gradient at the pixel of an index.
+fn gradient(l: &[f64], regions: &Regions, i: usize) -> (f64, f64) {
+    sobel(neighbours(regions, i % regions.width(), i / regions.width()).map(|i| l[i]))
+}
+
 /// Gradients of a row of pixels.
 struct Row {
     /// Number of the row, from the top.
@@ -101,6 +106,13 @@ fn inner_gradients(lines: [&[f64]; 3], mask: &[bool], gx: &mut [f64], gy: &mut [
 /// `g² = 1/N_obj Σ_{p ∈ obj} |∇l_p|²`, \[PG14\] eq. (6) squared.
 fn mean_squared(l: &[f64], regions: &Regions) -> f64 {
     let mut sum = 0.0;
+    if let Some(weights) = regions.weights() {
+        for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+            let (x, y) = gradient(l, regions, i);
+            sum += w * (x * x + y * y);
+        }
+        return sum / regions.count(Region::Object);
+    }
     for_each_row(l, regions, |row| {
         sum += squared(&row.gx[row.columns.clone()], &row.gy[row.columns.clone()]);
     });
@@ -132,6 +144,15 @@ const SOBEL: [(f64, f64); 8] =
 fn add_adjoint(l: &[f64], regions: &Regions, adjoint: f64, out: &mut [f64]) {
     let step = 2.0 * adjoint / regions.count(Region::Object);
     let w = regions.width();
+    if let Some(weights) = regions.weights() {
+        for (i, share) in weights.iter().enumerate().filter(|(_, share)| **share > 0.0) {
+            let (x, y) = gradient(l, regions, i);
+            for (i, (a, b)) in neighbours(regions, i % w, i / w).into_iter().zip(SOBEL) {
+                out[i] += step * share * (a * x + b * y);
+            }
+        }
+        return;
+    }
     for_each_row(l, regions, |row| {
         let inner = row.columns.start.max(1)..row.columns.end.min(w - 1);
         if !inner.is_empty() {

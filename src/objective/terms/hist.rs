@@ -90,7 +90,7 @@ fn read(value: &Value, base: &Path) -> Result<Signature, TargetProblem> {
 }
 
 /// The message of an error with those of its causes.
-fn whole_message(error: &dyn Error) -> String {
+pub(super) fn whole_message(error: &dyn Error) -> String {
     match error.source() {
         None => error.to_string(),
         Some(source) => format!("{error}: {}", whole_message(source)),

@@ -5,11 +5,18 @@
 //! lists terms (logs, tables, figures, target files) goes by the table, and shows of a picture the
 //! terms that its target has a [`Goal`] for.
 
+mod a_back;
+mod a_obj;
+mod b_back;
+mod b_obj;
+mod chroma;
 mod definition;
 mod grad;
 mod hist;
 mod mean_back;
 mod mean_obj;
+mod spread_back;
+mod spread_obj;
 mod statistics;
 mod var_back;
 mod var_obj;
@@ -52,6 +59,20 @@ table! {
     Grad = grad,
     /// Distance of the picture's cumulated histogram to the signature, \[PG14\] eq. (8).
     Hist = hist,
+    /// Mean of a of Oklab over the object.
+    AObj = a_obj,
+    /// Mean of b of Oklab over the object.
+    BObj = b_obj,
+    /// Mean of a of Oklab over the background.
+    ABack = a_back,
+    /// Mean of b of Oklab over the background.
+    BBack = b_back,
+    /// Spread of colour over the object.
+    SpreadObj = spread_obj,
+    /// Spread of colour over the background.
+    SpreadBack = spread_back,
+    /// Distance of the picture's joint histogram of chroma to a palette.
+    Chroma = chroma,
 }
 
 /// Number of terms.
@@ -100,6 +121,23 @@ impl Term {
     /// The terms that every target has a goal for, in the order of [`Term::ALL`].
     pub fn standing() -> impl Iterator<Item = Self> {
         Self::ALL.into_iter().filter(|term| term.is_standing())
+    }
+
+    /// Whether the term measures colour.
+    #[must_use]
+    pub fn is_of_color(self) -> bool {
+        self as usize >= Self::AObj as usize
+    }
+
+    /// Weight of a term of colour where the colours of a photograph are matched. A mean that is off by .03, as by a
+    /// light of 3200 K in the place of 4000 K, then counts as much as a mean luminance that is off by .06.
+    #[must_use]
+    pub fn matched_weight(self) -> f64 {
+        match self {
+            Self::AObj | Self::BObj | Self::ABack | Self::BBack | Self::Chroma => 1.0,
+            Self::SpreadObj | Self::SpreadBack => 0.4,
+            _ => 0.0,
+        }
     }
 
     /// Whether the term is a distance between distributions; else it is the modulus of a number less

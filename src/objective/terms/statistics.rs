@@ -57,7 +57,7 @@ impl Statistics {
     /// All zero.
     pub(in crate::objective) const ZERO: Self = Self { values: [0.0; N_STATISTICS] };
 
-    /// The standing statistics of display luminance `l`, `width` × `height` row-major, as the
+    /// The standing statistics of display luminance `l`, behind which chroma may stand, `width` × `height` row-major, as the
     /// definition has them; `mask` is true on the main object.
     ///
     /// # Errors
@@ -67,7 +67,12 @@ impl Statistics {
     /// When `l` has another size than the mask.
     pub fn measure(l: &[f64], width: usize, height: usize, mask: &[bool]) -> Result<Self, ObjectiveError> {
         let regions = Regions::checked(width, height, mask)?;
-        Ok(Self::of_picture(&Picture::new(l, &regions, Ramp::Linear), Term::is_standing))
+        Ok(Self::of_whole_picture(&Picture::new(l, &regions, Ramp::Linear)))
+    }
+
+    /// The standing statistics, and those of colour where chroma is known.
+    fn of_whole_picture(picture: &Picture) -> Self {
+        Self::of_picture(picture, |term| term.is_standing() || (picture.has_chroma() && term.is_of_color()))
     }
 
     /// The standing statistics of a picture without a mask: all of it is the object, and the
@@ -78,9 +83,8 @@ impl Statistics {
     #[must_use]
     pub fn measure_whole(l: &[f64], width: usize, height: usize) -> Self {
         assert!(!l.is_empty(), "an empty picture has nothing to measure");
-        assert_eq!(l.len(), width * height, "the picture must have a value for each pixel");
-        let regions = Regions::new(width, height, &vec![true; l.len()]);
-        Self::of_picture(&Picture::new(l, &regions, Ramp::Linear), Term::is_standing)
+        let regions = Regions::new(width, height, &vec![true; width * height]);
+        Self::of_whole_picture(&Picture::new(l, &regions, Ramp::Linear))
     }
 
     /// Statistics of those terms of which `is_measured` holds.
@@ -103,8 +107,24 @@ impl Statistics {
     /// Values of the standing scalar terms: means, σ, and g.
     #[must_use]
     pub fn values(&self) -> Values {
+        self.values_of(Term::is_standing)
+    }
+
+    /// Values of all scalar terms, those of colour too, of a picture whose chroma is known.
+    #[must_use]
+    pub fn values_with_color(&self) -> Values {
+        self.values_of(|_| true)
+    }
+
+    /// Shares of the pixels in the bins of chroma, of a picture whose chroma is known.
+    #[must_use]
+    pub fn palette(&self) -> Vec<f64> {
+        self[Term::Chroma].to_vec()
+    }
+
+    fn values_of(&self, is_asked_for: impl Fn(Term) -> bool) -> Values {
         Term::ALL.map(|term| match term.kind() {
-            Kind::Scalar(scalar) if term.is_standing() => {
+            Kind::Scalar(scalar) if is_asked_for(term) => {
                 Some(scalar.value(self.scalar(term), &Smoothing::NONE).0)
             }
             _ => None,
