@@ -4,15 +4,19 @@ pub mod bench;
 mod choices;
 pub mod classify;
 mod common;
+pub mod compare;
 pub mod evaluate;
 pub mod export;
 pub mod figures;
 pub mod learn;
 pub mod map;
 mod output;
+mod pick;
+pub mod plot;
 mod progress;
 pub mod relight;
 pub mod render;
+pub mod report;
 mod resume;
 pub mod run;
 pub mod scan;
@@ -39,6 +43,9 @@ enum Command {
     Run(Box<run::RunArgs>),
     Render(render::RenderArgs),
     Stage(stage::StageArgs),
+    Report(report::ReportArgs),
+    Compare(compare::CompareArgs),
+    Plot(plot::PlotArgs),
     Relight(relight::RelightArgs),
     Scan(scan::ScanArgs),
     Where(map::MapArgs),
@@ -59,6 +66,9 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args),
         Command::Render(args) => render::render(args),
         Command::Stage(args) => stage::stage(args),
+        Command::Report(args) => report::report(args),
+        Command::Compare(args) => compare::compare(args),
+        Command::Plot(args) => plot::plot(args),
         Command::Relight(args) => relight::relight(args),
         Command::Scan(args) => scan::scan(args),
         Command::Where(args) => map::map(args),

@@ -18,6 +18,7 @@
 //! the luminance). The cells of a light are its knots; a light whose size is not free has a single
 //! cell.
 
+pub mod compact;
 mod film;
 mod kernels;
 pub mod knots;

@@ -7,7 +7,7 @@ use std::{
 
 use super::find;
 use crate::{
-    audit::BASIS,
+    audit::{BASIS, LIVE},
     design::{self, Reporter, RunError, RunOptions, RunReport, Subject},
     light::Light,
     lighting::Lighting,
@@ -63,6 +63,7 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
             // What is left, in equal parts.
             time_limit: left.map(|left| (left / (n - k) as u32).max(LEAST_TIME)),
             basis_file: order.options.basis_file.as_ref().map(|_| job.out.join(BASIS)),
+            live_file: order.options.live_file.as_ref().map(|_| job.out.join(LIVE)),
             ..order.options.clone()
         };
         let subject = Subject {
