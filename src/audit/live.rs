@@ -93,7 +93,7 @@ fn parse(bytes: &[u8]) -> Option<Live> {
     ];
     let pixels = u64::from(header.size[0]) * u64::from(header.size[1]);
     let masked = facts.about.mask.iter().try_fold(0_u64, |sum, &n| sum.checked_add(n as u64));
-    if !is_whole || lights != [n; 4] || masked != Some(pixels) || header.nodes.is_empty() {
+    if !is_whole || !header.is_sound() || lights != [n; 4] || masked != Some(pixels) {
         return None;
     }
     let mut rest = codes;

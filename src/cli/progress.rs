@@ -160,7 +160,7 @@ impl Reporter for Console {
 
     fn recorded(&self, directories: &[&Path], is_done: bool) {
         if self.with_reports {
-            report::refresh(directories, !is_done);
+            report::refresh(directories, !is_done, &|text: &str| self.line(text));
         }
     }
 

@@ -4,10 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::{
-    common::say_note,
-    output::{print, say},
-};
+use super::output::{print, say};
 use crate::report::{self, ReportError};
 
 /// Write the page of a run anew, from its directory
@@ -41,29 +38,29 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
 }
 
 /// Writes what shows the looks of a run that goes on, or is done: the page of each, that of all, and the sheets of
-/// lightings. A run whose pages cannot be written is as good without.
-pub(super) fn refresh(directories: &[&Path], running: bool) {
+/// lightings; `say` hears where. A run whose pages cannot be written is as good without.
+pub(super) fn refresh(directories: &[&Path], running: bool, say: &impl Fn(&str)) {
     for run in directories {
         let written = report::contact_sheet(run).and_then(|()| report::write(run, running));
-        say_written(written, running);
+        say_written(written, running, say);
     }
     if let [first, _, ..] = directories
         && let Some(root) = first.parent()
     {
-        say_written(report::write(root, running), running);
+        say_written(report::write(root, running), running, say);
     }
 }
 
 /// Writes the page over all looks of a run that is done.
 pub(super) fn together(root: &Path) {
-    say_written(report::write(root, false), false);
+    say_written(report::write(root, false), false, &say);
 }
 
 /// Says where a page is, or why there is none.
-fn say_written(written: Result<PathBuf, ReportError>, running: bool) {
+fn say_written(written: Result<PathBuf, ReportError>, running: bool, say: &impl Fn(&str)) {
     match written {
         Ok(path) if running => say(&format!("report: {}, to be completed", path.display())),
         Ok(path) => say(&format!("report: {}", path.display())),
-        Err(e) => say_note(&format!("no report: {e}")),
+        Err(e) => say(&format!("note: no report: {e}")),
     }
 }

@@ -133,7 +133,7 @@ fn results(looks: &[(PathBuf, Look)]) -> Vec<Row> {
     let seconds = |(_, look): &(PathBuf, Look)| {
         let all = look.data["timing"].as_array().into_iter().flatten().find(|stage| stage[0] == "all");
         let value = all.and_then(|stage| stage[1].as_f64());
-        (value.map_or_else(|| "–".to_owned(), |s| format!("{s:.1}")), value)
+        (value.map_or_else(|| "–".to_owned(), |s| format!("{s:.1}")), None)
     };
     vec![
         of("f_q at the start", "f_q_initial", Some("f_q_initial_error"), 4, false),

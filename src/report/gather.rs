@@ -57,6 +57,8 @@ pub fn look(run: &Path) -> Result<Look, ReportError> {
     let names: Vec<String> = result["lights"]
         .as_array()
         .map_or_else(Vec::new, |all| all.iter().map(|l| text(&l["name"])).collect());
+    let is_whole = |x: &Lighting| [x.radiance.len(), x.size.len()] == [names.len(); 2];
+    let found = found.filter(is_whole);
     let followers = Followers { manifest: &manifest, names: &names };
     let iterations = iterations(run, found.as_ref(), &followers)?;
     let scene = Path::new(manifest["scene"]["path"].as_str().unwrap_or_default());

@@ -272,9 +272,21 @@ fn relit(run: &Path) -> Result<(Live, gather::Look), ReportError> {
     Ok((Live::load(&path)?, look))
 }
 
-/// A lighting of the record of a run.
-fn lighting(look: &gather::Look, run: &Path, name: &'static str) -> Result<Lighting, ReportError> {
-    serde_json::from_value(look.data["result"][name].clone()).map_err(|e| ReportError::Record {
+/// A lighting of the record of a run, of as many lights as the copy of its basis has.
+fn lighting(
+    look: &gather::Look,
+    run: &Path,
+    live: &Live,
+    name: &'static str,
+) -> Result<Lighting, ReportError> {
+    let n = live.copy.header.lights.len();
+    let read =
+        serde_json::from_value::<Lighting>(look.data["result"][name].clone()).map_err(|e| e.to_string());
+    let whole = read.and_then(|x| match [x.radiance.len(), x.size.len()] == [n; 2] {
+        true => Ok(x),
+        false => Err(format!("must have {n} lights")),
+    });
+    whole.map_err(|e| ReportError::Record {
         path: run.join(crate::audit::RESULT),
         message: format!("`{name}`: {e}"),
     })
@@ -292,7 +304,7 @@ fn histogram(run: &Path) -> Result<Plot, ReportError> {
     };
     let mut lines = Vec::new();
     for (name, label, colour) in [("start", "start", COLOURS[7]), ("found", "result", COLOURS[0])] {
-        let x = lighting(&look, run, name)?;
+        let x = lighting(&look, run, &live, name)?;
         let l = live.facts.about.measure().encode_image(&open.picture(&x), x.exposure);
         lines.push(Line::new(label, bars(&Statistics::measure_whole(&l, width, height).cumulated()), colour));
     }
@@ -317,7 +329,7 @@ fn scan(run: &Path) -> Result<Plot, ReportError> {
     let target = gather::target(&gather::manifest(run)?["target"], run)?;
     let [width, height] = live.copy.header.size.map(|n| n as usize);
     let objective = Objective::new(&target, width, height, &live.facts.about.mask())?;
-    let (found, measure) = (lighting(&look, run, "found")?, live.facts.about.measure());
+    let (found, measure) = (lighting(&look, run, &live, "found")?, live.facts.about.measure());
     let all = live.facts.about.variables();
     let f_q = |x: &Lighting| objective.evaluate(&measure.encode_image(&open.picture(x), x.exposure)).f_q;
     let here = f_q(&found);
@@ -325,14 +337,16 @@ fn scan(run: &Path) -> Result<Plot, ReportError> {
     let mut marks = Vec::new();
     for (k, variable) in all.variables.iter().enumerate() {
         let alone = ParamVector { variables: vec![variable.clone()], ties: all.ties.clone() };
-        let at = |i: u32| {
-            let u = f64::from(i) / f64::from(STEPS - 1);
-            (u, f_q(&alone.lighting(found.clone(), &[variable.decode(u)])))
-        };
-        let points = (0..STEPS).map(at).collect();
-        lines.push(Line::new(&variable.name, points, COLOURS[k % COLOURS.len()]));
         let mut lighting = found.clone();
-        marks.push((variable.encode(*variable.kind.value(&mut lighting, variable.light)), here));
+        let here_u = variable.encode(*variable.kind.value(&mut lighting, variable.light));
+        marks.push((here_u, here));
+        // Where f_q has its kink is among the values.
+        let mut values: Vec<f64> = (0..STEPS).map(|i| f64::from(i) / f64::from(STEPS - 1)).collect();
+        values.push(here_u);
+        values.sort_by(f64::total_cmp);
+        let at = |u: f64| (u, f_q(&alone.lighting(found.clone(), &[variable.decode(u)])));
+        let points = values.into_iter().map(at).collect();
+        lines.push(Line::new(&variable.name, points, COLOURS[k % COLOURS.len()]));
     }
     lines.push(Line { dotted: true, ..Line::new("as found", marks, RGBColor(34, 34, 34)) });
     let top = lines.iter().flat_map(|l| &l.points).map(|p| p.1).fold(0.0, f64::max);

@@ -38,6 +38,9 @@ const MAX_NODES: usize = 5;
 /// Bytes of codes at most; of a larger basis the pictures are halved. In Base64 they are 11 MB of a page.
 const MAX_BYTES: usize = 8 << 20;
 
+/// Bytes at most that deflate makes of one.
+const MOST_INFLATED: usize = 1032;
+
 /// What stands in a small copy of a basis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
@@ -53,6 +56,20 @@ pub struct Header {
     pub samples: u32,
     /// Lengths of the codes of each light, bytes.
     pub bytes: Vec<usize>,
+}
+
+impl Header {
+    /// Whether the numbers make sense: those of a file may be anything.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let of_light = |sizes: &Sizes| match sizes {
+            Sizes::Fixed(size) => size.is_finite(),
+            Sizes::Free(knots) => knots.is_sound(),
+        };
+        let descend = self.nodes.windows(2).all(|pair| pair[0] > pair[1]);
+        let nodes = !self.nodes.is_empty() && descend && self.nodes.iter().all(|v| v.is_finite());
+        nodes && self.size.iter().all(|&n| n > 0) && self.lights.iter().all(of_light)
+    }
 }
 
 /// Sizes of a light in a small copy.
@@ -349,7 +366,10 @@ fn deflated(planes: &Planes, shape: [usize; 3]) -> io::Result<Vec<u8>> {
 
 /// Planes of [`deflated`] codes.
 fn inflated(codes: &[u8], shape: [usize; 3]) -> io::Result<Planes> {
-    let n = shape.iter().product::<usize>();
+    let n = shape.iter().try_fold(1_usize, |n, &m| n.checked_mul(m));
+    // Whoever claims more than can be in there gets no memory for it.
+    let most = codes.len().saturating_mul(MOST_INFLATED) / (2 * 3);
+    let n = n.filter(|&n| n <= most).ok_or_else(|| io::Error::from(io::ErrorKind::InvalidData))?;
     let mut from = ZlibDecoder::new(codes);
     let mut planes: Planes = std::array::from_fn(|_| Vec::new());
     for plane in &mut planes {
@@ -392,7 +412,10 @@ fn unfolded(code: u16) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transport::{Layout, SizeBins};
+    use crate::{
+        math::display::luminance,
+        transport::{Layout, SizeBins},
+    };
 
     /// A basis whose light is a known function of size and value: each pixel has some light that met the
     /// background k times, in a colour of its own.
@@ -444,8 +467,15 @@ mod tests {
         assert!(error.largest < 0.01 && error.largest > 0.0, "{error:?}");
         for x in lightings() {
             for (a, b) in copy.open().unwrap().picture(&x).iter().zip(basis.picture(&x).rgb) {
-                let y = b[1].max(1e-9);
-                assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.03 * y), "{a:?} {b:?}");
+                // Half a step of the luminance, and of the share of red or blue; weights of both signs, of entries
+                // that differ by some tenths, may double that.
+                let (y, step) = (luminance(b), 0.5 * 2_f64.ln() / STEPS);
+                let [of_red, of_green, of_blue] = LUMINANCE_WEIGHTS;
+                let shares = [0.5 / RED_STEPS, 0.5 / RED_STEPS + 0.5 / BLUE_STEPS, 0.5 / BLUE_STEPS];
+                for (c, (share, of)) in shares.into_iter().zip([of_red, of_green, of_blue]).enumerate() {
+                    let allowed = 2.0 * (step * f64::from(b[c]) + share / of * y) + 1e-9;
+                    assert!(f64::from((a[c] - b[c]).abs()) < allowed, "{a:?} {b:?}");
+                }
             }
         }
     }
@@ -454,9 +484,27 @@ mod tests {
     fn what_is_deflated_comes_back_exactly() {
         let shape = [2, 3, 4];
         let planes: Planes =
-            std::array::from_fn(|c| (0..24).map(|i| (i * 7919 * (c as u16 + 1)) % 65521).collect());
+            std::array::from_fn(|c| (0..24_u16).map(|i| i.wrapping_mul(7919 * (c as u16 + 1))).collect());
         assert_eq!(inflated(&deflated(&planes, shape).unwrap(), shape).unwrap(), planes);
         assert!(inflated(&deflated(&planes, shape).unwrap()[..20], shape).is_err());
+    }
+
+    #[test]
+    fn numbers_that_make_no_sense_are_none_of_a_copy() {
+        let copy = Compact::new(&basis((3, 2).into())).unwrap();
+        assert!(copy.header.is_sound());
+        let broken = |change: &dyn Fn(&mut Header)| {
+            let mut header = copy.header.clone();
+            change(&mut header);
+            !header.is_sound()
+        };
+        assert!(broken(&|h| h.nodes = vec![]) && broken(&|h| h.nodes[1] = h.nodes[0]));
+        assert!(broken(&|h| h.nodes[0] = f64::NAN) && broken(&|h| h.size[1] = 0));
+        assert!(broken(&|h| h.lights[1] = Sizes::Fixed(f32::INFINITY)));
+        // Of an enormous picture there is no code, and no memory is taken for it.
+        let mut huge = copy.clone();
+        huge.header.size = [u32::MAX, u32::MAX];
+        assert!(huge.open().is_err());
     }
 
     #[test]

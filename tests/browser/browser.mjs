@@ -100,7 +100,8 @@ class Page {
 
   async visit(url) {
     const loaded = new Promise((resolve) => { this.loaded = resolve; });
-    await this.send("Page.navigate", { url });
+    const { errorText } = await this.send("Page.navigate", { url });
+    if (errorText) throw new Error(`${url}: ${errorText}`);
     await loaded;
   }
 

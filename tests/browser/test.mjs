@@ -84,7 +84,8 @@ async function checkNumbers(browser) {
     await compare(page, out, "high-key", view, "one off");
     const hash = await page.run("location.hash"), before = await page.run(sum);
     await page.open(join(out, "report.html"), hash);
-    assert.equal(await page.run(sum), before, "the address holds the lighting");
+    // Its nine digits may round a byte the other way.
+    assert.ok(Math.abs((await page.run(sum)) - before) <= 4, "the address holds the lighting");
     assert.deepEqual(page.complaints, []);
   }
 }
@@ -92,7 +93,8 @@ async function checkNumbers(browser) {
 // What a hand and a keyboard do, and that nothing leaves the page.
 async function checkUse(browser) {
   const page = await browser.page(), file = join(work, "run-srgb", "report.html");
-  const first = await page.open(file);
+  await page.open(file);
+  const first = await page.run("lightopt.firstPicture");
   const found = await page.run(sum);
   await page.run(slide("light 1: radiance in stops", -3));
   const darker = await page.run(sum);
@@ -146,7 +148,9 @@ async function checkAccess(browser) {
 async function tellTimes(browser) {
   const scene = writeScene(work, "hall", 12), out = join(work, "run-hall");
   command("run", scene, "--work-size", "160x120", "--size", "160x120", "--spp", "8", "--final-spp", "4", "--tolerance", "0.2", "--out", out);
-  const page = await browser.page(), file = join(out, "report.html"), first = await page.open(file);
+  const page = await browser.page(), file = join(out, "report.html");
+  await page.open(file);
+  const first = await page.run("lightopt.firstPicture");
   const step = (change) => page.run(`(() => {
     const times = [];
     for (let i = 0; i < 21; i++) {

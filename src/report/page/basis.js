@@ -5,20 +5,23 @@
 const LUMINANCE = [0.2126, 0.7152, 0.0722];
 
 async function inflate(base64) {
-  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const text = atob(base64), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
 // Codes from what is deflated: each is a difference from what its neighbours let expect.
 function undo(high, low, nCells, nPixels) {
-  const out = new Uint16Array(high.length), block = nCells * nPixels;
-  for (let i = 0; i < out.length; i++) {
-    const folded = (high[i] << 8) | low[i];
-    const difference = (folded >> 1) ^ -(folded & 1);
-    const cell = i % block >= nPixels, node = i >= block;
-    const before = cell ? out[i - nPixels] : 0, above = node ? out[i - block] : 0;
-    out[i] = before + above - (cell && node ? out[i - block - nPixels] : 0) + difference;
+  const out = new Uint16Array(high.length), block = nCells * nPixels, none = new Uint16Array(nPixels);
+  for (let first = 0; first < out.length; first += nPixels) {
+    const hasCell = first % block > 0, hasNode = first >= block;
+    const row = (has, back) => (has ? out.subarray(first - back, first - back + nPixels) : none);
+    const cell = row(hasCell, nPixels), node = row(hasNode, block), both = row(hasCell && hasNode, block + nPixels);
+    for (let p = 0; p < nPixels; p++) {
+      const folded = (high[first + p] << 8) | low[first + p];
+      out[first + p] = cell[p] + node[p] - both[p] + ((folded >> 1) ^ -(folded & 1));
+    }
   }
   return out;
 }
@@ -44,12 +47,20 @@ class Basis {
   }
 
   async light(codes, sizes) {
-    const bytes = await inflate(codes);
-    const knots = sizes.free ? sizes.free.u : null, nCells = knots ? knots.length : 1;
-    const n = this.data.copy.nodes.length * nCells * this.pixels;
+    const bytes = await inflate(codes), knots = sizes.free ? sizes.free.u : null;
+    const planes = (n) => Array.from({ length: n }, () => new Float32Array(this.pixels));
+    const nodes = this.data.copy.nodes.map(() => planes(3));
+    return { bytes, knots, nCells: knots ? knots.length : 1, size: knots ? Math.sqrt(knots[knots.length - 1]) : sizes.fixed, nodes, unit: planes(3) };
+  }
+
+  // Codes of a light, which are made when it first shines.
+  codes(light) {
+    if (light.codes) return light.codes;
+    const { bytes, nCells } = light, n = this.data.copy.nodes.length * nCells * this.pixels;
     const plane = (k) => undo(bytes.subarray(2 * k * n, (2 * k + 1) * n), bytes.subarray((2 * k + 1) * n, (2 * k + 2) * n), nCells, this.pixels);
-    const unit = [0, 1, 2].map(() => new Float32Array(this.pixels));
-    return { y: plane(0), red: plane(1), blue: plane(2), knots, nCells, size: knots ? Math.sqrt(knots[knots.length - 1]) : sizes.fixed, unit, key: "" };
+    light.codes = [plane(0), plane(1), plane(2)];
+    light.bytes = null;
+    return light.codes;
   }
 
   // Weights of the nodes at a value of the background: Lagrange's.
@@ -74,18 +85,17 @@ class Basis {
     return all.filter(([cell, weight]) => cell >= 0 && weight !== 0);
   }
 
-  // The picture of a light alone at radiance 1: red, green and blue of each pixel.
-  unit(l, size, value) {
-    const light = this.lights[l], key = `${light.knots ? size : ""} ${value}`;
-    if (light.key === key) return light.unit;
-    light.key = key;
-    const n = this.pixels, [R, G, B] = light.unit, { y, red, blue } = light, exp2 = this.exp2;
-    light.unit.forEach((plane) => plane.fill(0));
+  // Pictures of a light alone at radiance 1, at each node of the background's value.
+  atNodes(light, size) {
+    if (light.atSize === size) return light.nodes;
+    light.atSize = size;
+    const n = this.pixels, [y, red, blue] = this.codes(light), exp2 = this.exp2;
     const byRed = 1 / this.data.red_steps, byBlue = 1 / this.data.blue_steps;
-    this.valueWeights(value).forEach((byValue, node) => {
-      for (const [cell, bySize] of this.sizeWeights(light, size)) {
-        const weight = byValue * bySize, first = (node * light.nCells + cell) * n;
-        if (weight === 0) continue;
+    light.nodes.forEach((planes, node) => {
+      const [R, G, B] = planes;
+      planes.forEach((plane) => plane.fill(0));
+      for (const [cell, weight] of this.sizeWeights(light, size)) {
+        const first = (node * light.nCells + cell) * n;
         for (let p = 0; p < n; p++) {
           const i = first + p, v = weight * exp2[y[i]];
           const r = red[i] * byRed, b = blue[i] * byBlue, g = 1 - r - b;
@@ -95,9 +105,23 @@ class Basis {
         }
       }
     });
+    return light.nodes;
+  }
+
+  // The picture of a light alone at radiance 1: red, green and blue of each pixel.
+  unit(l, size, value) {
+    const light = this.lights[l], at = light.knots ? size : 0;
+    if (light.atSize === at && light.atValue === value) return light.unit;
+    const nodes = this.atNodes(light, at), weights = this.valueWeights(value);
+    light.atValue = value;
     light.unit.forEach((plane, c) => {
-      const scale = 1 / LUMINANCE[c];
-      for (let p = 0; p < n; p++) plane[p] = plane[p] > 0 ? plane[p] * scale : 0;
+      plane.fill(0);
+      nodes.forEach((planes, node) => {
+        const weight = weights[node] / LUMINANCE[c], from = planes[c];
+        if (weight !== 0) for (let p = 0; p < plane.length; p++) plane[p] += weight * from[p];
+      });
+      // Weights of both signs may leave less than nothing.
+      for (let p = 0; p < plane.length; p++) if (!(plane[p] > 0)) plane[p] = 0;
     });
     return light.unit;
   }

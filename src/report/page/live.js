@@ -139,8 +139,8 @@ class Live {
       this.shown.push(() => button.setAttribute("aria-pressed", String(is())));
       return button;
     };
-    const mute = toggle("Off", `${name} off`, () => state.now.off[l], (x) => { x.off[l] = !x.off[l]; });
-    const solo = toggle("Solo", `${name} alone`, () => state.now.solo === l, (x) => { x.solo = x.solo === l ? null : l; });
+    const mute = toggle("Off", `Off: ${name}`, () => state.now.off[l], (x) => { x.off[l] = !x.off[l]; });
+    const solo = toggle("Solo", `Solo: ${name}`, () => state.now.solo === l, (x) => { x.solo = x.solo === l ? null : l; });
     const rows = [this.slider({ name: "Radiance", label: `${name}: radiance in stops`, least: OFF, most: MOST, step: 0.05,
       read: () => state.stops(l), write: (v) => state.setStops(l, v),
       say: () => (state.now.radiance[l] > 0 ? this.signed(Math.log2(state.now.radiance[l] / state.reference[l])) : "dark") })];
@@ -189,7 +189,7 @@ class Live {
     this.score.value = fixed(this.measured.f_q);
     const found = this.foundScore ?? (this.foundScore = this.measureOf(this.look.result.found).f_q);
     const away = this.measured.f_q - found;
-    this.scoreNote.textContent = Math.abs(away) < 0.0005 ? "f_q of this picture: as found" : `f_q of this picture: ${fixed(Math.abs(away))} ${away > 0 ? "worse" : "better"} than as found`;
+    this.scoreNote.textContent = Math.abs(away) < 0.0005 ? "f_q of this picture, noise included: as found" : `f_q of this picture, noise included: ${fixed(Math.abs(away))} ${away > 0 ? "worse" : "better"} than as found`;
     this.drawTerms();
     this.drawWho();
     this.undoButton.disabled = !this.state.past.length;

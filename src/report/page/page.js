@@ -128,7 +128,7 @@ function picksSection(look, live) {
   const cards = [{ number: 1, f_q: look.result.f_q, image: look.pictures.found?.src, lighting: look.result.found, lights: "lights.toml", terms: look.result.terms }, ...picks.each].map((pick) => {
     const brightest = look.result.lights.map((facts, l) => [watts(facts, pick.lighting.radiance[l], pick.lighting.size[l]), facts.name]).filter(([w]) => w > 0).sort((a, b) => b[0] - a[0]);
     const words = brightest.slice(0, 3).map(([w, name]) => `${name} ${short(w)} W`).join(", ");
-    const inner = [pick.image ? h("img", { src: pick.image, alt: `Lighting ${pick.number}` }) : null, h("span", { class: "pick-title" }, `${pick.number}`, h("span", { class: "number" }, `f_q ${fixed(pick.f_q)}`)), h("span", { class: "pick-words" }, words)];
+    const inner = [pick.image ? h("img", { src: pick.image, alt: `Lighting ${pick.number}` }) : null, h("span", { class: "pick-title" }, `${pick.number}`, h("span", { class: "number" }, `f_q ${fixed(pick.f_q)}`)), h("span", { class: "pick-words" }, words), h("span", { class: "pick-words" }, look.terms.map((term) => `${term.label} ${fixed(pick.terms[term.name].value, 2)}`).join(", "))];
     return h("li", {}, live ? h("button", { type: "button", class: "pick", onclick: () => { live.replace(pick.lighting); document.getElementById("live").scrollIntoView({ behavior: "smooth" }); } }, inner) : h("div", { class: "pick" }, inner));
   });
   return section("choose", "Lightings to choose from", h("p", {}, `${picks.each.length + 1} lightings whose f_q is within ${picks.within} of the best and that look different: their small pictures differ by ${picks.different} of white or more.`, live ? " Choose one to move its lights above." : ""), h("ol", { class: "picks" }, cards),
@@ -188,9 +188,14 @@ async function show(look, hash) {
   report.look = look;
   document.querySelectorAll("#looks button").forEach((button) => button.setAttribute("aria-current", String(button.dataset.look === look.name)));
   if (live) live.begin(hash || "");
-  const parts = [resultSection(look), live ? section("live", "Move the lights", h("p", {}, "Every slider makes the picture anew from the light that the run has computed; nothing is rendered, and nothing leaves this page."), live.node) : null, picksSection(look, live), termsSection(look), histogramSection(look, live), iterationsSection(look, live), lightsSection(look), madeSection(look)];
-  main.replaceChildren(...parts.filter(Boolean));
-  if (live) live.draw();
+  const first = [resultSection(look), live ? section("live", "Move the lights", h("p", {}, "Every slider makes the picture anew from the light that the run has computed; nothing is rendered, and nothing leaves this page."), live.node) : null, picksSection(look, live)];
+  main.replaceChildren(...first.filter(Boolean));
+  // The rest follows when the pictures are seen.
+  await new Promise((resolve) => setTimeout(resolve));
+  report.firstPicture ??= performance.now();
+  if (report.look !== look) return;
+  const rest = [termsSection(look), histogramSection(look, live), iterationsSection(look, live), lightsSection(look), madeSection(look)];
+  main.append(...rest.filter(Boolean));
 }
 
 async function start() {

@@ -82,7 +82,7 @@ class State {
 
   // The lighting as a part of an address.
   toHash(look) {
-    const number = (v) => String(Number(v.toPrecision(6))), { radiance, size, value, exposure, kelvin, off, solo } = this.now;
+    const number = (v) => String(Number(v.toPrecision(9))), { radiance, size, value, exposure, kelvin, off, solo } = this.now;
     const parts = [["look", look], ["r", radiance.map(number).join()], ["s", size.map(number).join()], ["v", number(value)], ["e", number(exposure)]];
     if (kelvin.some((k) => k !== null)) parts.push(["k", kelvin.map((k) => k ?? "").join()]);
     if (off.some(Boolean)) parts.push(["off", off.flatMap((o, l) => (o ? [l] : [])).join()]);
