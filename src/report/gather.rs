@@ -243,7 +243,8 @@ fn starts(run: &Path) -> Result<Value, ReportError> {
 /// Lightings to choose from, each with its picture.
 fn picks(run: &Path, result: &Value) -> Result<Value, ReportError> {
     let mut picks = result["picks"].clone();
-    let each = picks["each"].as_array_mut().into_iter().flatten();
+    // Not by index, which would make an object of what is not there.
+    let each = picks.get_mut("each").and_then(Value::as_array_mut).into_iter().flatten();
     for (i, pick) in each.enumerate() {
         pick["number"] = json!(i + 2);
         let image = picture::embedded(&run.join(format!("{}.png", pick_stem(i + 2))))?;

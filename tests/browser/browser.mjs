@@ -94,7 +94,10 @@ class Page {
     await this.visit("about:blank");
     const begun = performance.now();
     await this.visit(pathToFileURL(path).href + hash);
-    await this.run("new Promise((resolve) => { const look = () => (document.documentElement.dataset.ready ? resolve() : setTimeout(look, 5)); look(); })");
+    while (!(await this.run("document.documentElement.dataset.ready"))) {
+      if (this.complaints.length) throw new Error(`${path}: ${this.complaints[0]}`);
+      await new Promise((resolve) => setTimeout(resolve, 10));
+    }
     return performance.now() - begun;
   }
 

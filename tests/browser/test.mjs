@@ -124,6 +124,17 @@ async function checkUse(browser) {
   say(`first picture after ${first.toFixed(0)} ms; the page has ${(statSync(file).size / 1e6).toFixed(2)} MB`);
 }
 
+// Paper mode has no basis: all but the lights to be moved is shown.
+async function checkPaperMode(browser) {
+  const out = join(work, "run-fd");
+  command("run", join(work, "room.obj"), "--gradient", "fd", "--work-size", "24x18", "--size", "48x36", "--spp", "4", "--final-spp", "4", "--max-evaluations", "3", "--out", out);
+  const page = await browser.page();
+  await page.open(join(out, "report.html"));
+  assert.deepEqual(page.complaints, []);
+  const titles = await page.run("[...document.querySelectorAll('h2')].map((title) => title.textContent)");
+  assert.ok(titles.includes("The lights") && !titles.includes("Move the lights"), titles.join(", "));
+}
+
 async function checkAccess(browser) {
   const page = await browser.page(), source = readFileSync(axe, "utf8");
   for (const [width, dark] of [[1400, false], [1400, true], [800, false], [390, false], [390, true]]) {
@@ -170,6 +181,7 @@ const browser = await Browser.start();
 try {
   await checkNumbers(browser);
   await checkUse(browser);
+  await checkPaperMode(browser);
   await checkAccess(browser);
   await tellTimes(browser);
 } finally {

@@ -124,7 +124,7 @@ function histogramSection(look, live) {
 
 function picksSection(look, live) {
   const { picks } = look;
-  if (!picks || !picks.each.length) return null;
+  if (!picks?.each?.length) return null;
   const cards = [{ number: 1, f_q: look.result.f_q, image: look.pictures.found?.src, lighting: look.result.found, lights: "lights.toml", terms: look.result.terms }, ...picks.each].map((pick) => {
     const brightest = look.result.lights.map((facts, l) => [watts(facts, pick.lighting.radiance[l], pick.lighting.size[l]), facts.name]).filter(([w]) => w > 0).sort((a, b) => b[0] - a[0]);
     const words = brightest.slice(0, 3).map(([w, name]) => `${name} ${short(w)} W`).join(", ");
