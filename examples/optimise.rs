@@ -76,6 +76,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         force: true,
         products: None,
         basis_file: None,
+        live_file: None,
+        alternatives: false,
+        command: Vec::new(),
     };
     for report in design::run(subject, &options, &Talkative)? {
         // Measured in a render whose samples chose nothing.

@@ -5,7 +5,7 @@
 use std::{cell::OnceCell, fs, path::PathBuf};
 
 use lightopt_embree::{
-    audit::lights::LightsFile,
+    audit::{lights::LightsFile, live::Live},
     film::{
         exr::read_exr,
         image_file::{LinearImage, MaskImage},
@@ -167,5 +167,15 @@ pub fn picture(bytes: &[u8]) {
 pub fn basis(bytes: &[u8]) {
     PLACE.with(|place| {
         let _ = TransportBasis::load(&place.write("s.basis", bytes));
+    });
+}
+
+/// A small copy of a transport basis, and a picture of it.
+pub fn live(bytes: &[u8]) {
+    PLACE.with(|place| {
+        let Ok(live) = Live::load(&place.write("live.basis", bytes)) else { return };
+        if let Ok(open) = live.copy.open() {
+            let _ = open.picture(&live.facts.authored);
+        }
     });
 }

@@ -44,6 +44,7 @@
 //! | [`design`] | a whole run |
 //! | [`figures`] | the tables and figures of \[PG14\] |
 //! | [`bench`](mod@bench) | how fast all this is, beside others |
+//! | [`report`] | the page of a run, in which its lights can be moved; plots of it |
 //! | [`cli`] | the command line |
 //!
 //! `docs/architecture.md` shows how data goes through them and where to add what,
@@ -199,6 +200,7 @@ pub mod objective;
 pub mod optim;
 pub mod photo;
 pub mod picture;
+pub mod report;
 pub mod sampler;
 pub mod scene;
 pub mod transport;

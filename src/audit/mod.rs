@@ -5,6 +5,7 @@
 //! whole or not at all; a log grows by whole lines, so that a killed run leaves a readable one.
 
 pub mod lights;
+pub mod live;
 pub mod picture;
 pub mod placed;
 pub mod products;
@@ -39,6 +40,24 @@ pub const PLAN: &str = "plan.svg";
 pub const ENVIRONMENTS: &str = "environments.csv";
 /// Name of the transport basis of a run.
 pub const BASIS: &str = "transport.basis";
+/// Name of the small copy of the basis, for the report.
+pub const LIVE: &str = "live.basis";
+/// Name of what a run has come to, as JSON.
+pub const RESULT: &str = "result.json";
+/// Name of the report, a page for browsers.
+pub const REPORT: &str = "report.html";
+/// Name of the sheet of the lightings to choose from.
+pub const CONTACT: &str = "contact.png";
+/// Name of the log of times.
+pub const TIMING: &str = "timing.jsonl";
+/// Lightings that a run offers at most, the best one included.
+pub const MAX_PICKS: usize = 12;
+
+/// Stem of the files of the n-th lighting that a run offers, from 1, which is the best one.
+#[must_use]
+pub fn pick_stem(n: usize) -> String {
+    if n == 1 { "lights".into() } else { format!("lights-{n:02}") }
+}
 
 /// A run cannot be recorded.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +75,8 @@ pub enum AuditError {
     NothingUnfinished { path: PathBuf },
     #[error("{path}: cannot {action}", path = path.display())]
     Io { path: PathBuf, action: &'static str, source: io::Error },
+    #[error("{path}: not a whole copy of a transport basis of this version", path = path.display())]
+    Live { path: PathBuf },
     #[error(transparent)]
     Toml(#[from] TomlError),
     #[error(transparent)]
@@ -149,7 +170,7 @@ impl RunDir {
         Ok(Self {
             evaluations: log("evaluations.jsonl")?,
             iterations: log("iterations.jsonl")?,
-            timing: log("timing.jsonl")?,
+            timing: log(TIMING)?,
             path: path.into(),
             n_iterations: 0,
             _lock: lock,
@@ -178,7 +199,7 @@ impl RunDir {
     /// # Errors
     /// When the log cannot be written.
     pub fn log_timing(&mut self, line: &Value) -> Result<(), AuditError> {
-        append(&mut self.timing, &self.path.join("timing.jsonl"), line)
+        append(&mut self.timing, &self.path.join(TIMING), line)
     }
 
     /// Records evaluations that improved on the best so far, each with its picture;
@@ -214,13 +235,17 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 15] = [
+    const NAMES: [&str; 19] = [
         MANIFEST,
         STAGING,
         BASIS,
+        LIVE,
+        RESULT,
+        REPORT,
+        CONTACT,
         "evaluations.jsonl",
         "iterations.jsonl",
-        "timing.jsonl",
+        TIMING,
         "starts.jsonl",
         "initial.exr",
         "initial.png",
@@ -232,7 +257,10 @@ fn is_ours(name: &str) -> bool {
         ENVIRONMENTS,
     ];
     let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));
-    NAMES.contains(&name) || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+    let stem = name.strip_suffix(".toml").or(name.strip_suffix(".png"));
+    NAMES.contains(&name)
+        || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
+        || stem.is_some_and(|stem| (2..=MAX_PICKS).any(|n| stem == pick_stem(n)))
 }
 
 /// Appends a line to a log, whole or not at all.

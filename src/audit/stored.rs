@@ -114,6 +114,22 @@ impl StoredVariable {
     }
 }
 
+/// Lengths of runs of pixels off and on the object in turn.
+#[must_use]
+pub fn runs(mask: &[bool]) -> Vec<usize> {
+    let mut runs = Vec::new();
+    let (mut on, mut run) = (false, 0);
+    for &m in mask {
+        if m != on {
+            runs.push(run);
+            (on, run) = (m, 0);
+        }
+        run += 1;
+    }
+    runs.push(run);
+    runs
+}
+
 impl About {
     /// Index of the light whose radiance is the variable of a group of this name.
     #[must_use]
@@ -134,24 +150,13 @@ impl About {
         variables: &ParamVector,
         measure: Measure,
     ) -> Self {
-        let mut mask = Vec::new();
-        let mut on = false;
-        let mut run = 0;
-        for &m in &aovs.mask {
-            if m != on {
-                mask.push(run);
-                (on, run) = (m, 0);
-            }
-            run += 1;
-        }
-        mask.push(run);
         Self {
             scene: scene.name.clone(),
             lights: scene.light_names().into_iter().map(str::to_owned).collect(),
             fixed: fixed.clone(),
             luminance: measure.luminance,
             view: measure.view,
-            mask,
+            mask: runs(&aovs.mask),
             variables: variables
                 .variables
                 .iter()

@@ -48,6 +48,8 @@ impl Command {
 pub struct Unfinished {
     /// Directory of record and products.
     directory: PathBuf,
+    /// How it was begun.
+    command: Command,
     /// Directories that were made for it, deepest first.
     made: Vec<PathBuf>,
     _lock: File,
@@ -79,7 +81,7 @@ impl Unfinished {
             .map(Into::into)
             .collect();
         let lock = claim(directory, true)?;
-        let unfinished = Self { directory: directory.into(), made, _lock: lock };
+        let unfinished = Self { directory: directory.into(), command: command.clone(), made, _lock: lock };
         Self::check(directory, force)?;
         unfinished.empty().map_err(fail("empty the directory"))?;
         let text =
@@ -99,7 +101,6 @@ impl Unfinished {
             return Err(nothing());
         }
         let lock = claim(directory, false)?;
-        let unfinished = Self { directory: directory.into(), made: Vec::new(), _lock: lock };
         let text = fs::read_to_string(&record).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => nothing(),
             _ => AuditError::Io { path: record.clone(), action: "read the record", source },
@@ -112,7 +113,14 @@ impl Unfinished {
             return Err(TomlError { path: record, line: 1, message }.into());
         }
         sweep(directory, |_| true);
-        Ok((unfinished, command))
+        let directory = directory.into();
+        Ok((Self { directory, command: command.clone(), made: Vec::new(), _lock: lock }, command))
+    }
+
+    /// How it was begun.
+    #[must_use]
+    pub fn command(&self) -> &Command {
+        &self.command
     }
 
     /// The directory of its products.

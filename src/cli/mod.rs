@@ -4,18 +4,22 @@ pub mod bench;
 mod choices;
 pub mod classify;
 mod common;
-pub mod environments;
-mod evaluate;
+pub mod compare;
+mod environments;
+pub mod evaluate;
 pub mod export;
 pub mod figures;
 pub mod learn;
 pub mod map;
 mod output;
 mod pareto;
+mod pick;
+pub mod plot;
 mod progress;
 mod recorded;
 pub mod relight;
 pub mod render;
+pub mod report;
 mod resume;
 pub mod run;
 pub mod scan;
@@ -42,6 +46,9 @@ enum Command {
     Run(Box<run::RunArgs>),
     Render(render::RenderArgs),
     Stage(stage::StageArgs),
+    Report(report::ReportArgs),
+    Compare(compare::CompareArgs),
+    Plot(plot::PlotArgs),
     Relight(relight::RelightArgs),
     Scan(scan::ScanArgs),
     Where(map::MapArgs),
@@ -62,6 +69,9 @@ pub fn run(cli: &Cli) -> anyhow::Result<()> {
         Command::Run(args) => run::run(args),
         Command::Render(args) => render::render(args),
         Command::Stage(args) => stage::stage(args),
+        Command::Report(args) => report::report(args),
+        Command::Compare(args) => compare::compare(args),
+        Command::Plot(args) => plot::plot(args),
         Command::Relight(args) => relight::relight(args),
         Command::Scan(args) => scan::scan(args),
         Command::Where(args) => map::map(args),

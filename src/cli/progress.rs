@@ -3,6 +3,7 @@
 
 use std::{
     io::IsTerminal,
+    path::Path,
     sync::{
         Mutex,
         atomic::{AtomicU64, Ordering},
@@ -12,7 +13,7 @@ use std::{
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::{output, signals};
+use super::{output, report, signals};
 use crate::{
     design::{Progress, Reporter},
     integrator::Observer,
@@ -28,6 +29,8 @@ pub struct Console {
     stage: Mutex<Stage>,
     /// Number of rows of pixels done in the present stage.
     rows: AtomicU64,
+    /// Whether runs get their reports.
+    with_reports: bool,
 }
 
 /// A stage of the work.
@@ -56,7 +59,14 @@ impl Console {
             bar: Mutex::new(None),
             stage: Mutex::new(stage),
             rows: AtomicU64::new(0),
+            with_reports: false,
         }
+    }
+
+    /// A console that also writes the reports of the runs that it observes.
+    #[must_use]
+    pub fn with_reports() -> Self {
+        Self { with_reports: true, ..Self::new() }
     }
 
     /// Removes the bar of the present stage.
@@ -145,6 +155,12 @@ impl Reporter for Console {
             self.line(text);
         } else if let Ok(Some(bar)) = self.bar.lock().as_deref() {
             bar.set_message(output::one_line(text).into_owned());
+        }
+    }
+
+    fn recorded(&self, directories: &[&Path], is_done: bool) {
+        if self.with_reports {
+            report::refresh(directories, !is_done, &|text: &str| self.line(text));
         }
     }
 

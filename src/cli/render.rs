@@ -12,11 +12,12 @@ use super::{
         CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, needs_lights, parse_exposure,
         parse_size, parse_spp,
     },
+    pick,
     progress::Console,
     signals,
 };
 use crate::{
-    audit::picture,
+    audit::{MAX_PICKS, picture},
     design::{
         Reporter,
         growing::Wanted,
@@ -28,12 +29,15 @@ use crate::{
         image_file::write_view_png,
     },
     integrator::{
-        Observer, View,
+        IntegratorKind, Observer, View,
         aov::{self, Features},
     },
     lighting::SamplingPlan,
     math::Measure,
 };
+
+/// Samples per pixel by default: quick to look at, with some noise.
+const SPP: u32 = 64;
 
 /// Render a scene with the lights of its sidecar, or with lights that `run` found
 ///
@@ -42,17 +46,23 @@ use crate::{
 ///
 /// With the lights.toml of a run this shows what its final picture shows, but for noise: it has samples of
 /// its own.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree render -o basket.png fruit_basket.obj\n  \
-    lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj\n\n\
+    lightopt-embree render --lights runs/dark/lights.toml --spp 1024 -o dark.exr fruit_basket.obj\n  \
+    lightopt-embree render --pick 3 runs/fruit_basket-high-key\n\n\
     Ctrl-C, SIGTERM or SIGHUP ends within two seconds and writes the picture as far as it is, marked\n\
     incomplete; twice quits at once.\n\
     Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RenderArgs {
-    /// Scene to render: Wavefront OBJ or glTF, with its sidecar
-    #[arg(value_name = "SCENE")]
+    /// Scene to render: Wavefront OBJ or glTF, with its sidecar; with --pick a run directory
+    #[arg(value_name = "SCENE|RUN_DIR")]
     pub scene: PathBuf,
+
+    /// Render one of the lightings that a run offers, by its number in contact.png and the report: its scene at the
+    /// size of the final picture, with the view, the integrator and the denoising of the run
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=MAX_PICKS as i64), conflicts_with = "lights")]
+    pub pick: Option<u8>,
 
     /// Where the scene's files may lie.
     #[command(flatten)]
@@ -62,9 +72,9 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     pub lights: Option<PathBuf>,
 
-    /// Samples per pixel
-    #[arg(long, value_name = "N", default_value = "64", value_parser = parse_spp)]
-    pub spp: u32,
+    /// Samples per pixel [default: 64, with --pick the most that the run allowed for its final picture]
+    #[arg(long, value_name = "N", value_parser = parse_spp)]
+    pub spp: Option<u32>,
 
     /// Size of the picture, pixels [default: the sidecar's]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -88,7 +98,7 @@ pub struct RenderArgs {
     #[arg(short, long)]
     pub verbose: bool,
 
-    /// File to write: .exr or .png [default: SCENE.exr]
+    /// File to write: .exr or .png [default: SCENE.exr, with --pick pick-N.png in the run directory]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
@@ -106,6 +116,28 @@ pub struct RenderArgs {
 /// # Errors
 /// When the scene or the lighting is wrong, or the picture cannot be made or written.
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
+    let Some(number) = args.pick else { return render_lit(args) };
+    let run = &args.scene;
+    let picked = pick::resolve(run, number.into())?;
+    let mut args = args.clone();
+    if args.transport.kind.0 == IntegratorKind::default() {
+        args.transport.kind.0 = picked.integrator;
+    }
+    let args = RenderArgs {
+        output: args.output.or_else(|| Some(run.join(format!("pick-{number}.png")))),
+        scene: picked.scene,
+        lights: Some(picked.lights),
+        spp: args.spp.or(Some(picked.spp)),
+        size: args.size.or(Some(picked.size)),
+        denoise: args.denoise || picked.denoise,
+        ..args
+    };
+    render_lit(&args)
+}
+
+/// Renders a scene with the lights of its sidecar, or of a file.
+fn render_lit(args: &RenderArgs) -> anyhow::Result<()> {
+    let spp = args.spp.unwrap_or(SPP);
     let output = match &args.output {
         Some(path) => path.clone(),
         None => PathBuf::from(args.scene.file_stem().unwrap_or("scene".as_ref())).with_extension("exr"),
@@ -132,7 +164,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         let view = View { scene: &scene, camera: &camera };
         let aovs = aov::trace(view, lighting.value as f32);
         signals::end_in_order("keeping the picture as far as it is");
-        console.stage("rendering", Some(u64::from(camera.size().y) * u64::from(args.spp)));
+        console.stage("rendering", Some(u64::from(camera.size().y) * u64::from(spp)));
         let renderer = Renderer {
             integrator: args.transport.integrator(),
             sampler: args.transport.sampler,
@@ -140,24 +172,24 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
         };
         let seed = args.transport.seed;
         let plan = SamplingPlan::for_picture(&lighting);
-        let plan = renderer.suited(plan, view, &[&lighting], seed, args.spp);
+        let plan = renderer.suited(plan, view, &[&lighting], seed, spp);
         if args.verbose {
             console.note(&plan.counts.to_string());
         }
         let is_over = || console.cancelled();
-        let (picture, spp, denoised) = if args.denoise {
-            let wanted = Wanted { view, lightings: &[&lighting], plan: &plan, seed, spp: args.spp };
+        let (picture, taken, denoised) = if args.denoise {
+            let wanted = Wanted { view, lightings: &[&lighting], plan: &plan, seed, spp };
             let grown = renderer.grow(&wanted, &is_over, &console)?;
             (grown.picture(0), grown.spp(), Some(grown.denoised(0, &Features::trace(view))))
         } else {
-            let budget = Budget { seed, spp: args.spp, n_replicates: 1 };
-            let PassedPicture { picture, spp } =
+            let budget = Budget { seed, spp, n_replicates: 1 };
+            let PassedPicture { picture, spp: taken } =
                 renderer.render_in_passes(view, &lighting, &plan, budget, &is_over, &console)?;
-            (picture, spp, None)
+            (picture, taken, None)
         };
-        let is_whole = spp >= args.spp;
+        let is_whole = taken >= spp;
         if !is_whole {
-            console.note(&format!("{spp} of {} samples a pixel", args.spp));
+            console.note(&format!("{taken} of {spp} samples a pixel"));
         }
         let exposure = lighting.exposure;
         if is_png {
@@ -171,7 +203,7 @@ pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
                 "luminance": renderer.measure.luminance,
                 "view": seen_through,
                 "integrator": renderer.integrator.kind,
-                "spp": spp,
+                "spp": taken,
                 "sampling": plan.counts,
                 "seed": args.transport.seed,
                 "version": env!("CARGO_PKG_VERSION"),

@@ -21,11 +21,11 @@ use super::{
     environments::skies,
     output::{print, print_json},
     progress::Console,
-    resume, signals,
+    report, resume, signals,
 };
 use crate::{
     audit::{
-        BASIS, RunDir, STAGING,
+        BASIS, LIVE, REPORT, RunDir, STAGING,
         unfinished::{UNFINISHED, Unfinished},
         write_whole,
     },
@@ -300,8 +300,14 @@ fn work(
         say_look(look);
     }
     let scene_path = import::find(args.scene())?;
-    let console = Console::new();
+    let console = Console::with_reports();
     let basis_file = root.join(BASIS);
+    let words = unfinished.command().arguments.iter().cloned();
+    let command: Vec<String> = std::iter::once("run".to_owned()).chain(words).collect();
+    if args.targets.is_some() {
+        // Of an earlier run: what is shown together is made anew.
+        [LIVE, REPORT].iter().for_each(|name| drop(fs::remove_file(root.join(name))));
+    }
     let done = args.transport.in_pool(|| {
         let without_lights = args.lamps.is_some() && !args.keep;
         let load = LoadOptions { without_lights, ..args.camera.options(args.confinement) };
@@ -361,6 +367,9 @@ fn work(
             force,
             products: Some(unfinished.products().to_owned()),
             basis_file: Some(basis_file.clone()),
+            live_file: Some(root.join(LIVE)),
+            alternatives: true,
+            command: command.clone(),
         };
         let is_colored = options.free.0.iter().any(|kind| kind.is_of_color());
         if let Some(job) = jobs.iter().find(|job| job.target.needs_color() && !is_colored) {
@@ -415,6 +424,10 @@ fn work(
     });
     console.finish();
     let (reports, jobs) = done?;
+    if args.targets.is_some() && !root.join(REPORT).is_file() {
+        // Looks with lamps of their own were done one after the other.
+        report::together(root);
+    }
     if !args.keep_basis && !signals::received() {
         // There is none where gradients are differences.
         let each = jobs.iter().map(|job| job.out.join(BASIS));
@@ -452,48 +465,11 @@ fn wanted(args: &RunArgs) -> anyhow::Result<(PathBuf, Vec<(Look, PathBuf)>)> {
     Ok((root, wanted))
 }
 
-/// Range of each term within reach of the lights, including the lights found.
-pub(super) fn reach(r: &RunReport) -> Vec<Reach> {
-    let with_found = |reach: &Reach| {
-        let found = r.check.evaluation[reach.term];
-        Reach {
-            floor: reach.floor.min(found.f),
-            least: reach.least.min(found.value),
-            largest: reach.largest.max(found.value),
-            ..*reach
-        }
-    };
-    r.reach.iter().map(with_found).collect()
-}
-
 /// Report of a look as a JSON object.
 fn to_json(r: &RunReport, job: &Job) -> serde_json::Value {
-    let mut report = json!({
-        "target": job.target.name(),
-        "f_q_initial": r.initial.evaluation.f_q,
-        "f_q": r.check.evaluation.f_q,
-        "f_q_error": r.check.error_bar(),
-        "f_q_final": r.last.as_ref().map(|last| last.estimate.evaluation.f_q),
-        "f_q_final_error": r.last.as_ref().map(|last| last.estimate.error_bar()),
-        "f_q_picture": r.last.as_ref().map(|last| last.f_q_picture),
-        "final_noise": r.last.as_ref().map(|last| last.noise.error()),
-        "final_spp": r.last.as_ref().map(|last| last.spp),
-        "terms": r.check.evaluation.terms_json(),
-        "x": r.variables.named(&r.x),
-        "renders": r.renders,
-        "evaluations": r.evaluations,
-        "seconds": r.seconds,
-        "attainable": attainable::to_json(&reach(r)),
-        "caution": r.caution,
-        "stop_reason": r.stop.to_string(),
-        "run_dir": job.out,
-    });
-    if let Some(surroundings) = &r.surroundings {
-        report["surroundings"] = json!(surroundings);
-    }
-    if !r.lamps.is_empty() {
-        report["lamps"] = r.lamps.iter().map(|(name, lamp)| json!({"name": name, "setup": lamp})).collect();
-    }
+    let mut report = r.to_json(job);
+    report["seconds"] = r.seconds.into();
+    report["run_dir"] = json!(job.out);
     report
 }
 
@@ -540,7 +516,8 @@ fn to_table(r: &RunReport, Job { target, out }: &Job) -> String {
         );
     }
     let _ = writeln!(text);
-    let counting: Vec<Reach> = reach(r).into_iter().filter(|t| target.weight(t.term) > 0.0).collect();
+    let counting: Vec<Reach> =
+        r.reach_with_found().into_iter().filter(|t| target.weight(t.term) > 0.0).collect();
     for line in attainable::in_words(&counting).iter().chain(&r.caution) {
         let _ = writeln!(text, "{line}");
     }

@@ -179,9 +179,13 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
             true => Some(StopReason::Interrupted),
             false => (!may_go_on).then_some(StopReason::TimeLimit),
         };
+        if !agreed.is_empty() && setup.options.alternatives {
+            reporter.stage("recording the search, and seeking lightings to choose from", None);
+        }
+        let cancelled = || setup.search_is_over(reporter);
         let finished = agreed
             .into_par_iter()
-            .map(|(look, measured)| look.finish(measured, now, setup, cut_short))
+            .map(|(look, measured)| look.finish(measured, now, setup, cut_short, &cancelled))
             .collect::<Result<Vec<_>, _>>()?;
         finished.into_iter().for_each(|(index, f)| self.found[index] = Some(f));
         self.disagree = !self.open.is_empty();

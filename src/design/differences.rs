@@ -137,7 +137,7 @@ pub(super) fn find(
     let (evaluations, spp) = (search.evaluations, search.spp);
     *renders += 2;
     let check = check(task, setup, &u, (spp, stop), renders, reporter)?;
-    Ok(Found { u, check, evaluations, stop, reach: Vec::new() })
+    Ok(Found { u, check, evaluations, stop, reach: Vec::new(), alternatives: Vec::new() })
 }
 
 /// Measures f_q at the point `u` that a search with `spp` samples a pixel found, with new ones, of which there

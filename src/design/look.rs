@@ -6,9 +6,11 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    RunError, attainable,
+    RunError,
+    alternatives::{Alternative, Ground},
+    attainable,
     evaluator::Evaluator,
-    pictures::{attribute, write_found},
+    pictures::{attribute, write_found, write_pick},
     precision::{AIMED_SAMPLES, MAX_SAMPLES, MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
     setup::{Found, Setup, Task},
@@ -162,6 +164,7 @@ impl LookSearch<'_, '_> {
         now: &WorkingBasis,
         setup: Setup,
         cut_short: Option<StopReason>,
+        cancelled: &(impl Fn() -> bool + Sync),
     ) -> Result<(usize, Found), RunError> {
         let clock = Instant::now();
         record(now, &self.best, setup, self.task)?;
@@ -174,8 +177,32 @@ impl LookSearch<'_, '_> {
             _ => attainable::reach(&whole, &reduced, &self.best.u, now.seed() as u32)?,
         };
         self.log_time("attainability", clock)?;
+        let alternatives = match cut_short {
+            None if setup.options.alternatives => self.alternatives(now, setup, cancelled)?,
+            _ => Vec::new(),
+        };
         let Self { best: Polished { u, stop, .. }, evaluations, index, .. } = self;
-        Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach }))
+        Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach, alternatives }))
+    }
+
+    /// Finds lightings to choose from, and writes each with its picture from the basis; none when it is cancelled on
+    /// the way.
+    fn alternatives(
+        &mut self,
+        now: &WorkingBasis,
+        setup: Setup,
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<Vec<Alternative>, RunError> {
+        let clock = Instant::now();
+        let [whole, reduced] = evaluators(now, setup, self.task);
+        let best = (self.best.u.as_slice(), self.best.estimate.evaluation.f_q);
+        let found = Ground { whole: &whole, reduced: &reduced }.find(&self.trials, best, cancelled)?;
+        for (i, alternative) in found.iter().enumerate() {
+            let shown = now.shown(&setup.lighting(&alternative.u), setup.features);
+            write_pick(self.task, i + 2, &alternative.u, &shown, setup)?;
+        }
+        self.log_time("alternatives", clock)?;
+        Ok(found)
     }
 }
 

@@ -9,6 +9,7 @@
 //! from samples that chose nothing.
 
 pub mod allotment;
+pub mod alternatives;
 pub mod attainable;
 mod basis_search;
 mod check;
@@ -22,6 +23,7 @@ pub mod manifest;
 pub mod noise;
 mod observer;
 mod options;
+mod outcome;
 pub mod pareto;
 mod pictures;
 mod precision;
@@ -32,6 +34,7 @@ mod run;
 mod search;
 mod seeds;
 mod setup;
+mod small_copy;
 mod working_basis;
 
 pub use observer::{Progress, Reporter};

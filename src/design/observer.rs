@@ -1,5 +1,7 @@
 //! Observers of a run.
 
+use std::path::Path;
+
 use super::deadline::Deadline;
 use crate::integrator::Observer;
 
@@ -15,6 +17,11 @@ pub trait Reporter: Observer {
     }
     /// Called after each evaluation of f_q in paper mode.
     fn evaluated(&self, progress: &Progress);
+    /// Called when the record of looks in these run directories has something new to show: the lights found,
+    /// and later the pictures, when it is done.
+    fn recorded(&self, directories: &[&Path], is_done: bool) {
+        let _ = (directories, is_done);
+    }
 }
 
 /// State of an optimisation in paper mode.

@@ -8,7 +8,7 @@ use std::{
 use glam::UVec2;
 use serde::{Deserialize, Serialize};
 
-use super::{attainable::Reach, noise::Noise, rig::Rig};
+use super::{alternatives::Alternative, attainable::Reach, noise::Noise, rig::Rig};
 use crate::{
     audit::{AuditError, placed::Description},
     files::number::Bytes,
@@ -117,6 +117,12 @@ pub struct RunOptions {
     pub products: Option<PathBuf>,
     /// File to which the transport basis is written when lights are found in it; `None` for none.
     pub basis_file: Option<PathBuf>,
+    /// File to which a small copy of the basis is written, for the report; `None` for none.
+    pub live_file: Option<PathBuf>,
+    /// Whether other lightings that are nearly as good are sought, to choose from.
+    pub alternatives: bool,
+    /// Words of the command line, for the record.
+    pub command: Vec<String>,
 }
 
 /// Result of a run for one look.
@@ -144,6 +150,8 @@ pub struct RunReport {
     pub stop: StopReason,
     /// Range of each term within reach of the lights; empty in paper mode.
     pub reach: Vec<Reach>,
+    /// Other lightings that are nearly as good and look different, from the least f_q on.
+    pub alternatives: Vec<Alternative>,
     /// Reason why the result may not be what was meant.
     pub caution: Option<String>,
     /// Wall time from the beginning of the run, s.

@@ -12,7 +12,7 @@ use super::{
     setup::{Setup, Task},
 };
 use crate::{
-    audit::{ENVIRONMENTS, PLAN, lights::LightsFile, picture, write_whole},
+    audit::{ENVIRONMENTS, PLAN, lights::LightsFile, pick_stem, picture, write_whole},
     denoise::Layer,
     film::{
         exr::{write_exr, write_exr_plain},
@@ -53,6 +53,25 @@ pub(super) fn write_found(
         let view = setup.options.measure.view;
         write_view_png(&task.job.out.join("found.png"), shown, lighting.exposure, view)?;
     }
+    Ok(())
+}
+
+/// Writes the n-th lighting that may be chosen, from 2, with its small picture.
+pub(super) fn write_pick(
+    task: &Task,
+    n: usize,
+    u: &[f64],
+    shown: &LinearImage,
+    setup: Setup,
+) -> Result<(), RunError> {
+    let (lighting, view) = (setup.lighting(u), setup.options.measure.view);
+    let mut file = LightsFile::new(setup.scene, &lighting).seen_through(view);
+    if let Some(rig) = setup.rig {
+        rig.describe(&mut file, setup.scene, &lighting);
+    }
+    let stem = task.job.out.join(pick_stem(n));
+    write_whole(&stem.with_extension("toml"), toml::to_string(&file)?)?;
+    write_view_png(&stem.with_extension("png"), shown, lighting.exposure, view)?;
     Ok(())
 }
 

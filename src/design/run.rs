@@ -1,6 +1,9 @@
 //! The driver of a run: survey, optimisation and check of all looks, and then their final pictures.
 
-use std::time::{Duration, Instant};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -9,7 +12,7 @@ use super::{
     FinalPicture, Gradient, Job, Reporter, RunError, RunOptions, RunReport, Subject, attainable,
     basis_search,
     deadline::Deadline,
-    differences, manifest,
+    differences, manifest, outcome,
     pictures::{self, FoundLook, Pictures},
     precision::Precision,
     setup::{Found, Setup, Stage, Task},
@@ -113,7 +116,14 @@ pub fn run(
     for jobs in jobs.chunks(together) {
         let begun = jobs.par_iter().map(|&(job, objective)| begin(job, objective, &record, &survey, setup));
         let tasks = begun.collect::<Result<Vec<_>, _>>()?;
-        lit.extend(find_together(tasks, setup, basis.as_mut(), &mut renders, reporter)?);
+        let found = find_together(tasks, setup, basis.as_mut(), &mut renders, reporter)?;
+        for lit in &found {
+            outcome::write(&lit.report(None, 0, start, setup), lit.task.job, setup)?;
+        }
+        lit.extend(found);
+        if !reporter.cancelled() {
+            reporter.recorded(&directories(&lit), false);
+        }
         if reporter.cancelled() {
             break;
         }
@@ -157,6 +167,7 @@ fn begin<'a>(
     let source = (record.subject.path, record.content);
     let manifest = manifest::text(setup, source, &job.target)?;
     let mut dir = RunDir::create(&job.out, setup.options.force, &manifest)?;
+    dir.log_timing(&json!({"command": setup.options.command}))?;
     dir.log_timing(&json!({"stage": "survey", "seconds": record.surveyed.as_secs_f64()}))?;
     let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));
     let starts = survey.starts(&setup.aovs.mask, setup.variables, means);
@@ -174,6 +185,46 @@ struct Lit<'a> {
     renders: u64,
     /// Shares of the samples that each light is to be chosen for in a picture of the start, and of those found.
     lights: [Vec<f32>; 2],
+}
+
+impl Lit<'_> {
+    /// What the look has come to, with its final picture and the renders that the pictures took.
+    fn report(
+        &self,
+        last: Option<FinalPicture>,
+        of_pictures: u64,
+        start: Instant,
+        setup: Setup,
+    ) -> RunReport {
+        let Found { u, check, evaluations, stop, reach, alternatives } = &self.found;
+        let x = setup.variables.decode(u);
+        let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
+        let caution: Vec<String> =
+            degenerate.into_iter().chain(lacking(check, last.as_ref(), setup)).collect();
+        let lighting = setup.lighting(u);
+        let lamps = setup.rig.map_or_else(Vec::new, |rig| rig.described(setup.scene, &lighting));
+        RunReport {
+            surroundings: setup.rig.and_then(|rig| Some(rig.sky.as_ref()?.in_words())),
+            lamps: lamps.into_iter().map(|(lamp, described)| (lamp.name.clone(), described)).collect(),
+            initial: self.initial.clone(),
+            check: check.clone(),
+            last,
+            variables: setup.variables.clone(),
+            x,
+            renders: self.renders + of_pictures,
+            evaluations: *evaluations,
+            stop: *stop,
+            reach: reach.clone(),
+            alternatives: alternatives.clone(),
+            caution: (!caution.is_empty()).then(|| caution.join("; ")),
+            seconds: start.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// Run directories of some looks.
+fn directories<'l>(lit: &'l [Lit]) -> Vec<&'l Path> {
+    lit.iter().map(|lit| lit.task.job.out.as_path()).collect()
 }
 
 /// Finds the lights of some looks, from one basis or in paper mode one after the other.
@@ -242,7 +293,7 @@ fn measure_starts(
 
 /// Renders the lights found for all looks at full size, and reports on each.
 fn finish(
-    lit: Vec<Lit>,
+    mut lit: Vec<Lit>,
     start: Instant,
     setup: Setup,
     reporter: &impl Reporter,
@@ -253,34 +304,17 @@ fn finish(
         .collect();
     let start_lights = lit.first().map_or(&[][..], |lit| &lit.lights[0]);
     let Pictures { taken, renders: of_pictures } = pictures::take(&looks, start_lights, setup, reporter)?;
-    let seconds = start.elapsed().as_secs_f64();
-    let report = |(Lit { mut task, found, initial, renders, .. }, last): (Lit, Option<FinalPicture>)| {
-        let Found { u, check, evaluations, stop, reach } = found;
-        let (look, x) = (task.job.target.name(), setup.variables.decode(&u));
-        let degenerate = attainable::degenerate(&check.evaluation, setup.variables, &x);
-        let lacking = lacking(&check, last.as_ref(), setup);
-        let caution: Vec<String> = degenerate.into_iter().chain(lacking).collect();
-        caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
-        task.dir.log_timing(&json!({"stage": "all", "seconds": seconds}))?;
-        let lighting = setup.lighting(&u);
-        let lamps = setup.rig.map_or_else(Vec::new, |rig| rig.described(setup.scene, &lighting));
-        Ok(RunReport {
-            surroundings: setup.rig.and_then(|rig| Some(rig.sky.as_ref()?.in_words())),
-            lamps: lamps.into_iter().map(|(lamp, described)| (lamp.name.clone(), described)).collect(),
-            initial,
-            check,
-            last,
-            variables: setup.variables.clone(),
-            x,
-            renders: renders + of_pictures,
-            evaluations,
-            stop,
-            reach,
-            caution: (!caution.is_empty()).then(|| caution.join("; ")),
-            seconds,
-        })
-    };
-    lit.into_iter().zip(taken).map(report).collect()
+    let mut reports = Vec::new();
+    for (lit, last) in lit.iter_mut().zip(taken) {
+        let report = lit.report(last, of_pictures, start, setup);
+        let look = lit.task.job.target.name();
+        report.caution.iter().for_each(|line| reporter.note(&format!("{look}: {line}")));
+        lit.task.dir.log_timing(&json!({"stage": "all", "seconds": report.seconds}))?;
+        outcome::write(&report, lit.task.job, setup)?;
+        reports.push(report);
+    }
+    reporter.recorded(&directories(&lit), true);
+    Ok(reports)
 }
 
 /// Sentence about the precision and the samples that a result lacks because of its deadline; `None` if it

@@ -15,6 +15,8 @@ pub(super) enum Purpose {
     Check,
     /// Samples by which places of lamps are chosen.
     Places,
+    /// Lightings in which a small copy of the basis is compared with it.
+    Copy,
 }
 
 /// Seed for a purpose, from the seed of the run.

@@ -1,6 +1,9 @@
 //! Setup that all looks of a run share, the task of each look, and its result.
 
-use super::{Job, Reporter, RunOptions, attainable::Reach, deadline::Deadline, render::Renderer, rig::Rig};
+use super::{
+    Job, Reporter, RunOptions, alternatives::Alternative, attainable::Reach, deadline::Deadline,
+    render::Renderer, rig::Rig,
+};
 use crate::{
     audit::{RunDir, products::Products},
     camera::Camera,
@@ -146,4 +149,6 @@ pub(super) struct Found {
     pub stop: StopReason,
     /// Range of each term within reach of the lights; empty in paper mode.
     pub reach: Vec<Reach>,
+    /// Other lightings to choose from; empty where none were sought.
+    pub alternatives: Vec<Alternative>,
 }

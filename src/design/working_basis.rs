@@ -14,6 +14,7 @@ use super::{
     products::samples_key,
     seeds::{Purpose, seed_for},
     setup::{Setup, Stage},
+    small_copy,
 };
 use crate::{
     audit::{
@@ -362,6 +363,7 @@ impl WorkingBasis {
     /// # Errors
     /// When the cache cannot be written.
     pub fn store(&mut self, setup: Setup, reporter: &impl Reporter) -> Result<(), RunError> {
+        self.store_small(setup, reporter);
         let traced = setup.features.is_none().then(|| Features::trace(setup.view()));
         let about = About {
             features: setup.features.or(traced.as_ref()).map(StoredFeatures::new),
@@ -382,6 +384,16 @@ impl WorkingBasis {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Writes a small copy of the basis, if one is asked for; the run does without where that fails.
+    fn store_small(&self, setup: Setup, reporter: &impl Reporter) {
+        let Some(path) = &setup.options.live_file else { return };
+        let copied = small_copy::of(&self.basis, &self.plan.fixed, setup).map_err(|e| e.to_string());
+        let saved = copied.and_then(|live| live.save(path).map_err(|e| e.to_string()));
+        if let Err(e) = saved {
+            reporter.note(&format!("{e}; going on without a report that can be relit"));
+        }
     }
 
     /// Adds `spp` samples per pixel over all replicates. An interrupt leaves a whole basis of fewer

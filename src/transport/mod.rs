@@ -19,6 +19,7 @@
 //! cell.
 
 mod brought;
+pub mod compact;
 mod film;
 mod kernels;
 pub mod knots;

@@ -23,6 +23,12 @@ impl ValueNodes {
         Self((0..n).map(node).collect())
     }
 
+    /// Nodes at these values, which differ.
+    #[must_use]
+    pub(super) fn at(values: Vec<f64>) -> Self {
+        Self(values)
+    }
+
     /// Two nodes that represent a tangent at `value`: `value` and `value` + 1.
     #[must_use]
     pub(super) fn tangent(value: f64) -> Self {

@@ -37,7 +37,7 @@ const TEXT_BASE: u64 = 1 << 24;
 /// every byte.
 type Format = (&'static str, fn(&[u8]), u64, u64);
 
-const FORMATS: [Format; 10] = [
+const FORMATS: [Format; 11] = [
     ("obj", entry::obj, MEMORY_BASE, MEMORY_PER_BYTE),
     ("mtl", entry::mtl, MEMORY_BASE, MEMORY_PER_BYTE),
     ("gltf", entry::gltf, MEMORY_BASE, MEMORY_PER_BYTE),
@@ -46,6 +46,8 @@ const FORMATS: [Format; 10] = [
     ("targets", entry::targets, TEXT_BASE, TEXT_PER_BYTE),
     ("signatures", entry::signatures, TEXT_BASE, TEXT_PER_BYTE),
     ("basis", entry::basis, TEXT_BASE, TEXT_PER_BYTE),
+    // Codes are deflated, and numbers of 16 bits for two bytes of them.
+    ("live", entry::live, TEXT_BASE, 2 * TEXT_PER_BYTE),
     ("exr", entry::exr, PICTURE_MEMORY, MEMORY_PER_BYTE),
     ("picture", entry::picture, PICTURE_MEMORY, MEMORY_PER_BYTE),
 ];

@@ -26,6 +26,7 @@ mod pictures;
 mod reach;
 mod reliability;
 mod render;
+mod report;
 mod resume;
 mod rig;
 mod room;

@@ -22,7 +22,7 @@ fn contents(directory: &Path) -> BTreeMap<String, Vec<u8>> {
         let path = directory.join(&name);
         if path.is_dir() {
             all.extend(contents(&path).into_iter().map(|(below, bytes)| (format!("{name}/{below}"), bytes)));
-        } else if !["timing.jsonl", "timings.csv"].contains(&name.as_str()) {
+        } else if !["timing.jsonl", "timings.csv", "report.html"].contains(&name.as_str()) {
             all.insert(name, fs::read(path).unwrap());
         }
     }

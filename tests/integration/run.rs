@@ -39,7 +39,8 @@ fn iterations(directory: &Path) -> Vec<String> {
 
 /// Bytes of every file that the seed decides.
 fn content(directory: &Path) -> BTreeMap<String, Vec<u8>> {
-    let kept = names(directory).into_iter().filter(|n| n != "timing.jsonl");
+    let seconds = ["timing.jsonl", "report.html"];
+    let kept = names(directory).into_iter().filter(|n| !seconds.contains(&n.as_str()));
     kept.map(|n| (n.clone(), fs::read(directory.join(&n)).unwrap())).collect()
 }
 
@@ -64,6 +65,8 @@ fn records_all_it_did(room: &Room, gradient: &str) {
         "initial.png",
         "iterations.jsonl",
         "lights.toml",
+        "report.html",
+        "result.json",
         "run.toml",
         "timing.jsonl",
     ]
@@ -71,7 +74,9 @@ fn records_all_it_did(room: &Room, gradient: &str) {
     .to_vec();
     wanted.extend(iterations.iter().cloned());
     if gradient == "basis" {
-        wanted.push("starts.jsonl".into());
+        wanted.extend(["live.basis", "starts.jsonl"].map(str::to_owned));
+        let offered = |n: &String| n.starts_with("lights-") || n == "contact.png";
+        wanted.extend(names(&directory).into_iter().filter(offered));
         let starts = lines(&directory.join("starts.jsonl"));
         assert!(starts.len() > 100 && starts.iter().any(|l| l["f_q"].is_number()));
     }

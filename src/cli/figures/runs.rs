@@ -10,7 +10,6 @@ use crate::{
     cli::{
         common::{ConfinementArgs, TransportArgs, load_scene},
         progress::Console,
-        run::reach,
     },
     design::{self, Gradient, Job, Reporter, RunOptions, RunReport, Subject},
     figures::{
@@ -112,6 +111,9 @@ impl Runner<'_> {
             force: self.force,
             products: Some(self.products.to_owned()),
             basis_file: None,
+            live_file: None,
+            alternatives: false,
+            command: Vec::new(),
         })
     }
 
@@ -174,7 +176,7 @@ impl Runner<'_> {
                 found: report.check.evaluation.clone(),
                 error: report.check.error_bar(),
                 f_q_final: report.last.as_ref().map_or(f64::NAN, |last| last.estimate.evaluation.f_q),
-                reach: reach(report),
+                reach: report.reach_with_found(),
                 caution: report.caution.clone(),
                 initial: picture(&job.out.join("initial.png"))?,
                 last: picture(&job.out.join("final.png"))?,

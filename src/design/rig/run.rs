@@ -7,7 +7,7 @@ use std::{
 
 use super::{SkyFile, find, sky};
 use crate::{
-    audit::BASIS,
+    audit::{BASIS, LIVE},
     design::{self, Reporter, RunError, RunOptions, RunReport, Subject, deadline::Deadline},
     light::Light,
     lighting::Lighting,
@@ -70,6 +70,7 @@ pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<
         let options = RunOptions {
             jobs: vec![job.clone()],
             basis_file: order.options.basis_file.as_ref().map(|_| job.out.join(BASIS)),
+            live_file: order.options.live_file.as_ref().map(|_| job.out.join(LIVE)),
             ..order.options.clone()
         };
         let subject = Subject {

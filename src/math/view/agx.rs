@@ -69,6 +69,21 @@ pub(super) fn display(rgb: DVec3) -> (DVec3, DMat3) {
     (shown, DMat3::from_diagonal(by_stored) * slopes * *to_lattice)
 }
 
+/// From Rec.709 to the space of the lattice.
+pub(super) fn to_lattice() -> DMat3 {
+    AGX.to_lattice
+}
+
+/// The lattice of what is stored.
+pub(super) fn stored() -> &'static Lattice {
+    &AGX.lattice
+}
+
+/// Display-linear light of what is stored.
+pub(super) fn light(stored: f64) -> f64 {
+    stored.powf(GAMMA)
+}
+
 /// From one space to another of the same white; the identity where one spans no space, which those of
 /// this module do.
 fn between(from: Chromaticities, to: Chromaticities) -> DMat3 {

@@ -62,6 +62,16 @@ pub(super) fn display(rgb: DVec3) -> (DVec3, DMat3) {
     (light, DMat3::from_diagonal(DVec3::from_array(by_logarithm)) * slopes)
 }
 
+/// The lattice of logarithms.
+pub(super) fn logarithms() -> &'static Lattice {
+    &FILMIC.lattice
+}
+
+/// Display-linear light of a logarithm of the lattice.
+pub(super) fn light(logarithm: f64) -> f64 {
+    eotf_srgb(FILMIC.curve.at(logarithm * lattice::STOPS / STOPS).0)
+}
+
 /// A colour on its way to the white of its largest channel.
 fn desaturated(rgb: DVec3) -> DVec3 {
     let [begin, end] = DESATURATION.map(|stops| MIDDLE_GREY * f64::from(stops).exp2());

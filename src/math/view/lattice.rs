@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use super::MIDDLE_GREY;
 
 /// Stops below middle grey at coordinate 0.
-const STOPS_BELOW: f64 = 10.0;
+pub(super) const STOPS_BELOW: f64 = 10.0;
 /// Stops between the coordinates 0 and 1.
 pub(super) const STOPS: f64 = 25.0;
 
@@ -43,6 +43,16 @@ impl Lattice {
             }
         }
         Self { side, values }
+    }
+
+    /// Points along each edge.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Values, the first coordinate running fastest.
+    pub fn values(&self) -> &[[f32; 3]] {
+        &self.values
     }
 
     /// Value at linear values, interpolated tetrahedrally in the coordinates, and its derivative by each of

@@ -8,11 +8,14 @@ mod agx;
 mod filmic;
 mod lattice;
 mod neutral;
+mod tables;
 
 use std::fmt;
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
+
+pub use tables::Tables;
 
 use super::display::{eotf_srgb, eotf_srgb_derivative, oetf_srgb};
 

@@ -7,6 +7,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "aBack",
     words: "the background's mean of red against green",
+    label: "background red–green",
     weight: 0.0,
     kind: Kind::Scalar(Scalar::chroma(
         |picture| picture.chroma_moments(Axis::A, Region::Background).mean,

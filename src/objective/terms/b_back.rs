@@ -7,6 +7,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "bBack",
     words: "the background's mean of yellow against blue",
+    label: "background yellow–blue",
     weight: 0.0,
     kind: Kind::Scalar(Scalar::chroma(
         |picture| picture.chroma_moments(Axis::B, Region::Background).mean,

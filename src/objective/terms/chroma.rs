@@ -15,6 +15,7 @@ use crate::objective::signature::library::{Library, split_reference};
 pub(super) const DEFINITION: Definition = Definition {
     name: "chroma",
     words: "the colours' distance to the palette",
+    label: "palette",
     weight: 0.0,
     kind: Kind::Distance(Distance {
         n_bins: CHROMA_BINS,

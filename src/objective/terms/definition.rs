@@ -19,6 +19,8 @@ pub(in crate::objective) struct Definition {
     pub(super) name: &'static str,
     /// The measured quantity, as the subject of a sentence.
     pub(super) words: &'static str,
+    /// A short name for people.
+    pub(super) label: &'static str,
     /// Weight in f_q where a target file names none. Every target has a goal for a term of positive
     /// default weight; any other term is neither measured nor listed unless the target has one.
     pub(super) weight: f64,

@@ -11,6 +11,7 @@ use crate::objective::region::{Region, Regions};
 pub(super) const DEFINITION: Definition = Definition {
     name: "grad",
     words: "the object's mean gradient",
+    label: "object detail",
     weight: 0.2, // [PG14] table 1
     kind: Kind::Scalar(Scalar {
         is_square: true,

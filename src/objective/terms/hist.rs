@@ -17,6 +17,7 @@ use crate::objective::signature::{self, BetaComponent, Shape, Signature};
 pub(super) const DEFINITION: Definition = Definition {
     name: "hist",
     words: "the histogram's distance to the signature",
+    label: "histogram",
     weight: 1.0, // [PG14] table 1
     kind: Kind::Distance(Distance {
         n_bins: BINS,

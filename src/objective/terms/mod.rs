@@ -104,6 +104,12 @@ impl Term {
         self.definition().words
     }
 
+    /// A short name for people: "object brightness".
+    #[must_use]
+    pub const fn label(self) -> &'static str {
+        self.definition().label
+    }
+
     /// Weight in f_q where a target names none: the published one, \[PG14\] table 1, and 0 of terms
     /// that the paper does not have.
     #[must_use]

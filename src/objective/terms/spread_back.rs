@@ -10,6 +10,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "spreadBack",
     words: "the background's spread of colour",
+    label: "background spread of colour",
     weight: 0.0,
     kind: Kind::Scalar(Scalar {
         reads: &[Term::ABack, Term::BBack],

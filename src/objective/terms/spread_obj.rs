@@ -10,6 +10,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "spreadObj",
     words: "the object's spread of colour",
+    label: "object spread of colour",
     weight: 0.0,
     kind: Kind::Scalar(Scalar {
         reads: &[Term::AObj, Term::BObj],

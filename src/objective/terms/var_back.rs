@@ -11,6 +11,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "varBack",
     words: "the background's standard deviation",
+    label: "background contrast",
     weight: 0.4, // [PG14] table 1
     kind: Kind::Scalar(Scalar {
         reads: &[Term::MeanBack],

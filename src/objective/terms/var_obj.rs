@@ -10,6 +10,7 @@ use crate::objective::region::Region;
 pub(super) const DEFINITION: Definition = Definition {
     name: "varObj",
     words: "the object's standard deviation",
+    label: "object contrast",
     weight: 0.4, // [PG14] table 1
     kind: Kind::Scalar(Scalar {
         reads: &[Term::MeanObj],

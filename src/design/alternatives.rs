@@ -1,0 +1,181 @@
+//! Lightings to choose from: nearly as good as the best one, and different to look at.
+//!
+//! The ends of the search, and of more descents from starts that it passed over, are measured on the whole
+//! picture. Of those whose f_q is within [`WITHIN`] of the best, the one that differs most from all that are
+//! taken already is taken next, until none differs by [`DIFFERENT`] any more.
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::{
+    RunReport,
+    evaluator::Evaluator,
+    search::{self, Trial},
+    setup::Setup,
+};
+use crate::{
+    audit::{MAX_PICKS, pick_stem},
+    lighting::Lighting,
+    math::Measure,
+    objective::JackknifeEstimate,
+    optim::OptimError,
+    transport::{Recombination, Tables, TransportBasis},
+};
+
+/// Distance from the best f_q within which a lighting is nearly as good: a mean luminance that misses its
+/// target by a fifth of the largest miss costs as much.
+pub const WITHIN: f64 = 0.1;
+/// Root mean square of the difference of two small pictures, in display luminance from 0 to 1, from which they
+/// are seen to differ: a twenty-fifth of the way from black to white everywhere. Set by looking.
+pub const DIFFERENT: f64 = 0.04;
+/// Starts that descend beside those of the search, best first: twice as many as the search itself has. With 48 the
+/// fruit basket offered as many lightings as may be.
+const MORE_STARTS: usize = 32;
+
+/// A lighting to choose.
+#[derive(Clone, Debug)]
+pub struct Alternative {
+    /// Point of the unit cube.
+    pub u: Vec<f64>,
+    /// f_q there, with its error.
+    pub estimate: JackknifeEstimate,
+    /// Least difference of its small picture from one of a better lighting that may be chosen, a root mean square
+    /// of display luminance from 0 to 1.
+    pub distance: f64,
+}
+
+/// What lightings are sought on.
+pub struct Ground<'e, 'a> {
+    /// f_q of the whole picture.
+    pub whole: &'e Evaluator<'a>,
+    /// f_q of the reduced picture.
+    pub reduced: &'e Evaluator<'a>,
+}
+
+impl Ground<'_, '_> {
+    /// Lightings that differ from the best one and from each other, from the least f_q on; none when it is cancelled on
+    /// the way. `best` is the best one, with its f_q.
+    ///
+    /// # Errors
+    /// When NLopt fails.
+    pub fn find(
+        &self,
+        trials: &[Trial],
+        (best, f_q): (&[f64], f64),
+        cancelled: &(impl Fn() -> bool + Sync),
+    ) -> Result<Vec<Alternative>, OptimError> {
+        let mut order: Vec<&Trial> = trials.iter().filter(|t| t.end.is_none()).collect();
+        order.sort_by(|a, b| a.screened.total_cmp(&b.screened));
+        let starts = order.into_iter().take(MORE_STARTS);
+        let descended = starts.collect::<Vec<_>>().into_par_iter();
+        let more = descended.map(|t| search::descend(self.reduced, &t.start, cancelled));
+        let more = more.collect::<Result<Vec<_>, OptimError>>()?;
+        if cancelled() {
+            return Ok(Vec::new());
+        }
+        let ends = trials.iter().filter(|t| !t.leads).filter_map(|t| {
+            let polished = t.polished.as_ref().map(|p| &p.u);
+            polished.or(t.end.as_ref()).cloned()
+        });
+        let lower = self.whole.lower_bounds();
+        let points: Vec<Vec<f64>> = ends.chain(more).map(|u| not_below(u, &lower)).collect();
+        let of: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
+        let estimates = self.whole.estimates(&of, 1).map_err(|_| OptimError::NothingEvaluated)?;
+        let good = points.iter().zip(estimates).filter(|(_, e)| e.evaluation.f_q <= f_q + WITHIN);
+        let good: Vec<(&Vec<f64>, JackknifeEstimate)> = good.collect();
+        let pictures: Vec<Vec<f64>> = good.par_iter().map(|(u, _)| self.small(u)).collect();
+        let taken = farthest(&self.small(best), &pictures);
+        let mut found: Vec<Alternative> = taken
+            .into_iter()
+            .map(|(i, distance)| Alternative { u: good[i].0.clone(), estimate: good[i].1.clone(), distance })
+            .collect();
+        found.sort_by(|a, b| a.estimate.evaluation.f_q.total_cmp(&b.estimate.evaluation.f_q));
+        Ok(found)
+    }
+
+    /// The reduced picture of a point, in display luminance.
+    fn small(&self, u: &[f64]) -> Vec<f64> {
+        let Evaluator { basis, variables, measure, .. } = *self.reduced;
+        shown(basis, self.reduced.lighting(&variables.decode(u)), measure)
+    }
+}
+
+/// Display luminance of the picture of a lighting, the mean over the replicates.
+fn shown(basis: &TransportBasis, x: Lighting, measure: Measure) -> Vec<f64> {
+    let recombination = Recombination::new(basis.layout(), &x);
+    let n = basis.layout().n_pixels();
+    let mut mean = vec![0.0; n * measure.n_planes()];
+    let mut one = mean.clone();
+    for replicate in 0..basis.n_replicates() {
+        basis.luminance(replicate, &recombination, &mut one);
+        mean.iter_mut().zip(&one).for_each(|(mean, v)| *mean += v / basis.n_replicates() as f64);
+    }
+    let (mut l, mut slopes) = (vec![0.0; n], vec![0.0; mean.len()]);
+    measure.encode_all(&mean, x.exposure, &mut l, &mut slopes);
+    l
+}
+
+/// A point with no coordinate below a bound.
+fn not_below(u: Vec<f64>, lower: &[f64]) -> Vec<f64> {
+    u.into_iter().zip(lower).map(|(u, lower)| u.max(*lower)).collect()
+}
+
+/// Indices of pictures, each the farthest from the `first` one and from those taken before, with its distance from
+/// the nearest of them; as many as differ, and fewer than may be offered.
+fn farthest(first: &[f64], pictures: &[Vec<f64>]) -> Vec<(usize, f64)> {
+    let distance = |a: &[f64], b: &[f64]| {
+        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        (square / a.len().max(1) as f64).sqrt()
+    };
+    let mut nearest: Vec<f64> = pictures.iter().map(|p| distance(p, first)).collect();
+    let mut taken = Vec::new();
+    while taken.len() + 1 < MAX_PICKS {
+        let Some((i, &far)) = nearest.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+        if far < DIFFERENT {
+            break;
+        }
+        taken.push((i, far));
+        for (near, picture) in nearest.iter_mut().zip(pictures) {
+            *near = near.min(distance(picture, &pictures[i]));
+        }
+    }
+    taken
+}
+
+/// What is said of the lightings to choose from in `result.json`.
+pub(super) fn to_json(report: &RunReport, setup: Setup) -> Value {
+    let each = report.alternatives.iter().enumerate().map(|(i, a)| {
+        json!({
+            "lights": format!("{}.toml", pick_stem(i + 2)),
+            "f_q": a.estimate.evaluation.f_q,
+            "f_q_error": a.estimate.error_bar(),
+            "terms": a.estimate.evaluation.terms_json(),
+            "distance": a.distance,
+            "lighting": setup.lighting(&a.u),
+        })
+    });
+    json!({"within": WITHIN, "different": DIFFERENT, "each": each.collect::<Vec<_>>()})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_farthest_is_taken_until_none_differs() {
+        let flat = |l: f64| vec![l; 6];
+        let pictures = [flat(0.5), flat(0.52), flat(0.9), flat(0.58), flat(0.1)];
+        let far = farthest(&flat(0.5), &pictures);
+        let mut taken: Vec<usize> = far.iter().map(|(i, _)| *i).collect();
+        taken.sort_unstable();
+        // .52 looks like .5, and so does .5 itself.
+        assert_eq!(taken, [2, 3, 4]);
+        assert!((far[2].1 - 0.08).abs() < 1e-12 && far.iter().all(|(_, d)| *d >= DIFFERENT));
+    }
+
+    #[test]
+    fn no_more_are_taken_than_may_be_offered() {
+        let pictures: Vec<Vec<f64>> = (0..40).map(|i| vec![f64::from(i) / 8.0; 4]).collect();
+        assert_eq!(farthest(&[0.0; 4], &pictures).len(), MAX_PICKS - 1);
+    }
+}
