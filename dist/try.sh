@@ -9,11 +9,19 @@ archive=$(readlink -f "$1")
 shift
 [ $# -gt 0 ] || set -- bookworm trixie
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+clean() {
+  for root in "$work"/*/; do
+    mountpoint -q "$root/proc" && umount "$root/proc"
+  done
+  rm -rf --one-file-system "$work"
+}
+trap clean EXIT
 for suite; do
   root=$work/$suite
   debootstrap --variant=minbase "$suite" "$root" >"$work/$suite.log"
   tar -C "$root/opt" -xzf "$archive"
+  # The run path begins at the program, which the loader asks of /proc.
+  mount -t proc proc "$root/proc"
   mkdir "$root/room"
   printf 'v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -.3 0 0\nv .3 0 0\nv 0 .8 0\no floor\nf 4 3 2 1\no sail\nf 5 6 7\n' \
     >"$root/room/room.obj"

@@ -271,22 +271,24 @@ impl Writer<'_> {
         if self.job.options.blocking { "path" } else { "volpath" }
     }
 
-    /// Which lights stop rays, in words.
+    /// Which lamps stop rays, in words. What emits as a material stops them as any surface does.
     fn bodies(&self) -> String {
-        let stops = |l: &LitLight| self.stops_rays(l.light);
-        let may_stop = |l: &LitLight| matches!(l.light.shape, Shape::Planar(_) | Shape::Sphere(_));
-        let passed = || self.job.lights().filter(|l| may_stop(l) && !is_unseen(l.light) && !stops(l));
-        let solid: Vec<_> = self.job.lights().filter(stops).map(|l| plain(&l.light.name)).collect();
-        match (solid.is_empty(), passed().next().is_some()) {
-            (true, false) => "No light has a surface that rays could meet.".to_owned(),
-            (true, true) => "Lights do not block: volpath passes through their null surfaces.".to_owned(),
-            (false, false) => "All lights with a surface are black bodies that stop rays.".to_owned(),
-            (false, true) => format!(
-                "Black bodies that stop rays: {}. Other lights do not block: volpath passes through their null \
-                 surfaces.",
+        let is_lamp = |l: &LitLight| matches!(l.light.shape, Shape::Planar(_) | Shape::Sphere(_));
+        let lamps: Vec<_> = self.job.lights().filter(|l| is_lamp(l) && !is_unseen(l.light)).collect();
+        let (solid, passed): (Vec<&LitLight>, Vec<_>) = lamps.iter().partition(|l| self.stops_rays(l.light));
+        match (solid.is_empty(), passed.is_empty()) {
+            (true, true) => "No lamp has a surface that rays could meet.".to_owned(),
+            (true, false) => "Lights do not block: volpath passes through their null surfaces.".to_owned(),
+            (false, true) => "All lamps with a surface are black bodies that stop rays.".to_owned(),
+            (false, false) => {
+                let names: Vec<_> = solid.iter().map(|l| plain(&l.light.name)).collect();
                 // Two hyphens would end a comment.
-                solid.join(", ").replace("--", "__")
-            ),
+                let names = names.join(", ").replace("--", "__");
+                format!(
+                    "Black bodies that stop rays: {names}. Other lights do not block: volpath passes through their \
+                     null surfaces."
+                )
+            }
         }
     }
 

@@ -358,7 +358,7 @@ fn mitsuba_says_which_lights_stop_rays() {
     assert!(xml(&[], &solid).contains("<!-- Black bodies that stop rays: ball. Other lights do not block"));
     let path = xml(&["--path"], &toml);
     assert!(path.contains("<integrator type=\"path\">") && !path.contains("null"), "{path}");
-    assert!(path.contains("All lights with a surface are black bodies"));
+    assert!(path.contains("All lamps with a surface are black bodies"));
     assert_eq!(path.matches("<rgb name=\"reflectance\" value=\"0\"/>").count(), 3);
 }
 
