@@ -56,7 +56,7 @@ const SPP: u32 = 64;
     Exit status: 0 done, 1 failed, 2 wrong usage, 130, 143 or 129 ended by one of those signals.")]
 pub struct RenderArgs {
     /// Scene to render: Wavefront OBJ or glTF, with its sidecar; with --pick a run directory
-    #[arg(value_name = "SCENE|RUN_DIR")]
+    #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
 
     /// Render one of the lightings that a run offers, by its number in contact.png and the report: its scene at the
