@@ -4,6 +4,7 @@ mod camera;
 mod emitters;
 mod light_list;
 mod lights;
+mod lost;
 mod materials;
 mod movement;
 mod place;
@@ -245,9 +246,10 @@ impl Source<'_> {
         sidecar: &Sidecar,
         mut imported: Imported,
     ) -> Result<Loaded, ImportError> {
+        imported.warnings.extend(lost::lost_lamps(self.scene_path, sidecar, &imported));
         let mut is_main = self.main_object(sidecar, &mut imported)?;
         let middle = || stage::bounds(&imported.mesh, &is_main).center();
-        let camera = self.camera(options, sidecar, imported.camera, middle)?;
+        let camera = self.camera(options, sidecar, &imported, middle)?;
         if let Some(spec) = &sidecar.backdrop {
             self.add_backdrop(spec, &mut imported)?;
             is_main.resize(imported.mesh.indices.len(), false);

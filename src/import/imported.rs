@@ -37,10 +37,25 @@ pub struct Imported {
     pub cameras: Vec<(String, ImportedCamera)>,
     /// The camera that is used, the first unless another is chosen; `None` where there is none.
     pub camera: Option<ImportedCamera>,
+    /// Names of the cameras that are left out, since they are not perspective ones.
+    pub unread_cameras: Vec<String>,
     /// Punctual lights with unique names; empty in a format without lights.
     pub lights: Vec<ImportedLight>,
+    /// Nodes without content that may have been lamps.
+    pub lost_lamps: Vec<LostLamp>,
     /// Whether Blender's exporter wrote the file.
     pub is_of_blender: bool,
+}
+
+/// A node without content, which a lamp that the exporter dropped may have left.
+#[derive(Clone, Debug)]
+pub struct LostLamp {
+    /// Name of the node.
+    pub name: String,
+    /// Its place, in the file's coordinates.
+    pub position: DVec3,
+    /// A point ahead of it, to which a lamp would shine.
+    pub look_at: DVec3,
 }
 
 /// Object and groups that a triangle belongs to.

@@ -32,6 +32,15 @@ fn render(room: &Room, name: &str, options: &[&str]) -> (Vec3, String) {
     (sum / picture.rgb.len() as f32, String::from_utf8(output.stderr).unwrap())
 }
 
+/// A binary glTF whose JSON is changed.
+fn with_json(glb: &[u8], edit: &dyn Fn(&mut serde_json::Value)) -> Vec<u8> {
+    let length = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let (json, rest) = glb[20..].split_at(length(12));
+    let mut json = serde_json::from_slice(json).unwrap();
+    edit(&mut json);
+    crate::gltf::glb(&json, &rest[8..])
+}
+
 fn warnings_of(room: &Room, name: &str) -> Vec<String> {
     import::load(&room.path(name)).unwrap().warnings
 }
@@ -120,11 +129,57 @@ fn empty_nodes_that_may_have_been_lamps_are_named() {
         .replace(", half_extents", "\nhalf_extents")
         .replace(", radiance", "\nradiance");
     room.write("area_lost.toml", format!("schema = 1\n[[lights]]\n{table}\n"));
-    let scene = import::load(&room.path("area_lost.glb")).unwrap().scene;
-    assert_eq!(scene.light_names(), ["Pin", "Softbox"]);
+    let loaded = import::load(&room.path("area_lost.glb")).unwrap();
+    assert_eq!(loaded.scene.light_names(), ["Pin", "Softbox"]);
+    // Then the other remains.
+    assert!(
+        loaded.warnings.iter().any(|w| w.contains("node `Strip` holds nothing")),
+        "{:?}",
+        loaded.warnings
+    );
+    let renamed = table.replace("\"Softbox\"", "\"big one\"");
+    room.write("area_lost.toml", format!("schema = 1\n[[lights]]\n{renamed}\n"));
+    let warnings = import::load(&room.path("area_lost.glb")).unwrap().warnings;
+    assert!(warnings.iter().any(|w| w.contains("node `Strip` holds nothing")), "{warnings:?}");
     // A skeleton's last joints are no lamps, nor are nodes with content.
     let warnings = warnings_of(&room_of("posed_arm.glb"), "posed_arm.glb");
     assert!(!warnings.iter().any(|w| w.contains("hold")), "{warnings:?}");
+}
+
+#[test]
+fn cameras_that_are_not_read_or_share_a_name_are_said() {
+    let room = room_of("two_cameras.glb");
+    let edited = |edit: &dyn Fn(&mut serde_json::Value)| {
+        let bytes = std::fs::read(room.path("two_cameras.glb")).unwrap();
+        room.write("edited.glb", with_json(&bytes, edit));
+    };
+    edited(&|json| {
+        for node in json["nodes"].as_array_mut().unwrap() {
+            if node.get("camera").is_some() {
+                node["name"] = "Hero".into();
+            }
+        }
+    });
+    let named = |name: CameraName| {
+        let options = LoadOptions { camera: Some(name), ..LoadOptions::default() };
+        import::load_with(&room.path("edited.glb"), &options).unwrap().warnings
+    };
+    let said = "the cameras 1, 2 are called `Hero`: the first is taken; a number chooses another";
+    assert!(named(CameraName::Name("Hero".into())).iter().any(|w| w == said));
+    assert!(!named(CameraName::Number(2)).iter().any(|w| w == said));
+
+    edited(&|json| {
+        for camera in json["cameras"].as_array_mut().unwrap() {
+            *camera = serde_json::json!({
+                "type": "orthographic",
+                "orthographic": { "xmag": 1.0, "ymag": 1.0, "zfar": 10.0, "znear": 0.1 }
+            });
+        }
+    });
+    room.write("edited.toml", "schema = 1\n");
+    let error = room.fail(&["render", "edited.glb", "-o", "a.png"]);
+    let wanted = "`camera`: is missing, and edited.glb has no perspective camera, as others are not read (`";
+    assert!(error.contains(wanted), "{error}");
 }
 
 #[test]

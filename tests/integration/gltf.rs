@@ -108,7 +108,7 @@ fn square_with(changes: &[(&str, Value)]) -> Value {
     json
 }
 
-fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
+pub fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     let mut text = json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let mut bin = bin.to_vec();
@@ -380,7 +380,10 @@ fn without_camera_or_lights_a_gltf_is_staged() {
     assert!(!staging.contains("[[lights]]"), "{staging}");
     room.write("s.toml", "schema = 1\n");
     let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
-    assert!(error.contains("s.toml:1: missing field `camera`"), "{error}");
+    assert!(
+        error.contains("s.toml: `camera`: is missing, and s.glb has no camera; give `position`"),
+        "{error}"
+    );
     room.write("s.toml", "schema = 1\nscale = 2\n");
     let error = room.fail_at_once(&["render", "s.glb", "-o", "a.png"]);
     assert!(error.contains("s.toml: `scale`: only for an OBJ: a glTF is in metres, y up"), "{error}");

@@ -132,6 +132,27 @@ fn the_part_that_is_called_beauty_is_measured_and_said() {
 }
 
 #[test]
+fn the_layer_that_shows_everything_is_found_whatever_stands_before_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.exr");
+    let rgb: Vec<[f32; 3]> = (0..32 * 24).map(|i| [[0.8, 0.4, 0.2], [0.2; 3]][i % 32 / 16]).collect();
+    let other = vec![[0.01; 3]; rgb.len()];
+    for [before, whole] in [
+        ["albedo_rgb", "main"],
+        ["DiffuseFilter", "FinalImage"],
+        ["shadow", "sss_all"],
+        ["key.specular", "Final"],
+        ["world_position", "comp"],
+    ] {
+        let parts = vec![ExrPart::rgb(before, &other), ExrPart::rgb(whole, &rgb)];
+        write_exr(&path, &ExrImage { width: 32, height: 24, parts, lightopt: None }).unwrap();
+        let (means, _, said) = measured(&mut evaluate(&path, &data("mask.png")));
+        assert!(means.iter().all(|m| *m > 0.4), "{before} {whole}: {means:?}");
+        assert!(said.contains(&format!("`{whole}` is read, not `{before}`")), "{said}");
+    }
+}
+
+#[test]
 fn a_picture_in_one_channel_is_grey() {
     // Means of the sRGB-encoded `V` inside and outside of the mask, by OpenEXR's own reader.
     let ([obj, back], _, said) =

@@ -260,7 +260,7 @@ fn learning_goes_on_where_it_was() {
     for i in 0..40 {
         let value = |x: u32, y: u32| image::Luma([(x / 7 + y / 5 * i) as u8]);
         fs::create_dir_all(room.path("high")).unwrap();
-        image::GrayImage::from_fn(900, 600, value).save(room.path(format!("high/{i:02}.png"))).unwrap();
+        image::GrayImage::from_fn(450, 300, value).save(room.path(format!("high/{i:02}.png"))).unwrap();
     }
     let learn = |out| ["learn-signature", "--class", "high=high", "-o", out, "--threads", "1"];
     room.succeed(&learn("whole.toml"));

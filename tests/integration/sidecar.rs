@@ -74,7 +74,7 @@ fn wrong_types_are_answered_with_line_and_key() {
 fn what_is_missing_is_named() {
     check(&[
         ("schema = 1\n", "", "room.toml:1: missing field `schema`"),
-        ("vfov = 45.0\n", "", "`camera.vfov`: is missing, and room.obj has no camera that has it"),
+        ("vfov = 45.0\n", "", "`camera.vfov`: is missing, and room.obj has no camera"),
         ("name = \"fill\"\n", "", "room.toml:16: missing field `name`"),
         ("type = \"sphere\"\n", "", "`lights.fill.type`: is missing, and room.obj has no light of this name"),
         ("radius = 0.1\n", "", "`lights.fill.radius`: a sphere light needs this key"),

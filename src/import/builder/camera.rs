@@ -109,6 +109,18 @@ impl Source<'_> {
             let file = self.sidecar_path.display();
             imported.warnings.push(format!("{file}: {PLACE} of [camera] give way to `--camera`"));
         }
+        let name = imported.cameras[chosen].0.clone();
+        let same: Vec<String> = (0..imported.cameras.len())
+            .filter(|&i| imported.cameras[i].0 == name)
+            .map(|i| (i + 1).to_string())
+            .collect();
+        let asked = options.camera.as_ref().or(named);
+        if same.len() > 1 && matches!(asked, Some(CameraName::Name(word)) if *word == name) {
+            let numbers = same.join(", ");
+            imported.warnings.push(format!(
+                "the cameras {numbers} are called `{name}`: the first is taken; a number chooses another"
+            ));
+        }
         imported.camera = Some(imported.cameras[chosen].1);
         Ok(())
     }
@@ -127,10 +139,19 @@ impl Source<'_> {
             let known: Vec<String> =
                 cameras.iter().enumerate().map(|(i, (known, _))| format!("{} `{known}`", i + 1)).collect();
             match known.len() {
-                0 => format!("no `{word}`: {file} has no camera"),
+                0 => format!("no `{word}`: {}", self.no_camera(imported)),
                 _ => format!("no `{word}`: the cameras of {file} are {}", known.join(", ")),
             }
         })
+    }
+
+    /// Says that the scene file has no camera that is read, and which it has.
+    fn no_camera(&self, imported: &Imported) -> String {
+        let file = self.scene_path.display();
+        match imported.unread_cameras.first() {
+            Some(name) => format!("{file} has no perspective camera, as others are not read (`{name}`)"),
+            None => format!("{file} has no camera"),
+        }
     }
 
     /// The scene file's camera with what the sidecar says in its place; `subject` is the middle of the main
@@ -139,11 +160,16 @@ impl Source<'_> {
         &self,
         options: &LoadOptions,
         sidecar: &Sidecar,
-        base: Option<ImportedCamera>,
+        imported: &Imported,
         subject: impl Fn() -> Vec3,
     ) -> Result<Camera, ImportError> {
+        let base = imported.camera;
         let spec = match (&sidecar.camera, base) {
-            (None, None) => return Err(self.missing("camera")),
+            (None, None) => {
+                let why = self.no_camera(imported);
+                return Err(self
+                    .error("camera", format!("is missing, and {why}; give `position`, `look_at`, `vfov`")));
+            }
             (None, Some(_)) => CameraSpec::default(),
             (Some(spec), _) if options.camera.is_some() => {
                 CameraSpec { position: None, look_at: None, up: None, vfov: None, ..spec.clone() }
@@ -152,8 +178,7 @@ impl Source<'_> {
         };
         self.check(&spec)?;
         let needed = |key: &str| {
-            let file = self.scene_path.display();
-            self.error(format!("camera.{key}"), format!("is missing, and {file} has no camera that has it"))
+            self.error(format!("camera.{key}"), format!("is missing, and {}", self.no_camera(imported)))
         };
         let point = |key: &str, value: Option<[f64; 3]>| {
             value.map(|v| self.point(&format!("camera.{key}"), v)).transpose()

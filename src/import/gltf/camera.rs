@@ -11,6 +11,8 @@ use crate::import::{error::ImportError, imported::ImportedCamera, warnings::Warn
 pub struct Cameras {
     /// Names and cameras in the order of their nodes.
     pub list: Vec<(String, ImportedCamera)>,
+    /// Names of the cameras that are not perspective ones, which are left out.
+    pub unread: Vec<String>,
 }
 
 impl Cameras {
@@ -34,6 +36,7 @@ impl Cameras {
         let name = name.cloned().unwrap_or_else(|| format!("camera {}", index.value()));
         let (Checked::Valid(Type::Perspective), Some(perspective)) = (&json.type_, &json.perspective) else {
             warnings.about("camera", &name, "is left out: it must be a perspective camera".into());
+            self.unread.push(name);
             return Ok(());
         };
         match placed(file, key, index, perspective, world) {

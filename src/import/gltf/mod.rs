@@ -135,10 +135,10 @@ impl Reader<'_> {
     fn finish(self) -> Result<Imported, ImportError> {
         let Geometry { mut materials, mut mesh, left_out, .. } = self.geometry;
         let mut warnings = self.warnings;
-        let cameras = self.cameras.list;
+        let Cameras { list: cameras, unread: unread_cameras } = self.cameras;
         let path = &self.file.path;
         left_out.report(path, &mut warnings);
-        empty::report(self.file, self.nodes, self.origin, &mut warnings);
+        let lost_lamps = empty::lost_lamps(self.file, self.nodes, self.origin);
         if mesh.indices.is_empty() {
             return Err(ImportError::NoTriangles { path: path.clone(), left_out });
         }
@@ -157,7 +157,9 @@ impl Reader<'_> {
             warnings: warnings.into_lines(),
             camera: cameras.first().map(|c| c.1),
             cameras,
+            unread_cameras,
             lights: self.lights,
+            lost_lamps,
             is_of_blender: self.file.is_of_blender(),
         })
     }

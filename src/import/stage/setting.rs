@@ -39,6 +39,13 @@ const BOUNDARY: f32 = 0.02;
 /// Least share of a room's area that lies on the scene's bounding box: the rest is what is modelled with
 /// it. Interval 0.02 to 0.98.
 const ROOM_SHARE: f32 = 0.7;
+/// Least share of a room's area on the scene's bounding box where its walls are so thick that their inner sides
+/// do not lie there: the outer sides of a room of 4 x 5 x 3 m with walls of 30 cm are 0.57 of its area.
+/// Interval 0.1 to 0.5.
+const SHELL_SHARE: f32 = 0.4;
+/// Least horizontal extents of the inner side of a room's thick walls, over those of the scene: walls of 30 cm
+/// leave 0.7 of a room 2 m wide.
+const SHELL_SPAN: f32 = 0.7;
 /// Least horizontal extents of a backdrop or a landscape, over those of all else: it shows on both sides
 /// of the subject. Interval 0.04 to 3.1.
 const ENCLOSING_SPAN: f32 = 1.5;
@@ -160,15 +167,8 @@ impl Piece {
 
     /// Share of the piece's area that is seen from one of the `eyes`; `accel` is the piece alone.
     fn seen_share(&self, mesh: &Mesh, accel: &Accel, eyes: &[Vec3]) -> f32 {
-        let is_seen = |corners: [Vec3; 3]| {
-            let target = (corners[0] + corners[1] + corners[2]) / 3.0;
-            eyes.iter().any(|&eye| {
-                let ray = Ray { org: eye, dir: target - eye, t_min: 0.0, t_max: 1.0 - END_MARGIN };
-                !accel.occluded(&ray)
-            })
-        };
-        let step = self.triangles.len().div_ceil(MAX_RAYS).max(1);
-        let (seen, total) = shares(mesh, self.triangles.iter().copied().step_by(step), is_seen);
+        let is_seen = |corners| eyes.iter().any(|&eye| is_seen(accel, eye, corners));
+        let (seen, total) = shares(mesh, self.sample(), is_seen);
         seen / total
     }
 
@@ -197,10 +197,11 @@ impl Piece {
             && pieces.iter().all(|p| p.is_upright() || p.bounds.lo.y >= least)
     }
 
-    /// Whether the piece is a room: most of it lies on the scene's boundary.
-    fn is_room(&self, mesh: &Mesh, scene: &Bounds) -> bool {
+    /// Whether the piece is a room: most of it lies on the scene's boundary, or, where its walls are thick, also
+    /// faces the middle of the others, which it holds.
+    fn is_room(&self, mesh: &Mesh, pieces: &[&Self], scene: &Bounds) -> Result<bool, EmbreeError> {
         if self.is_clear || self.sheet.is_some() || !self.spans(scene, ROOM_SPAN) {
-            return false;
+            return Ok(false);
         }
         let tolerance = BOUNDARY * scene.extent();
         let lies_on_boundary = |corners: [Vec3; 3]| {
@@ -210,7 +211,60 @@ impl Piece {
             })
         };
         let (on, total) = shares(mesh, self.triangles.iter().copied(), lies_on_boundary);
-        on >= ROOM_SHARE * total
+        if on >= ROOM_SHARE * total {
+            return Ok(true);
+        }
+        let inner = bounds_of(&self.others(pieces));
+        if on < SHELL_SHARE * total || self.bounds.extent().y < ROOM_SPAN * scene.extent().y {
+            return Ok(false);
+        }
+        let accel = self.accel(mesh)?;
+        // A crate is open at its top alone.
+        let far = scene.extent().length();
+        let hits =
+            |dir: Vec3| accel.occluded(&Ray { org: inner.center(), dir: dir * far, t_min: 0.0, t_max: 1.0 });
+        if !hits(Vec3::Y) && [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z].into_iter().all(hits) {
+            return Ok(false);
+        }
+        let is_of_room = |corners| lies_on_boundary(corners) || is_seen(&accel, inner.center(), corners);
+        let (of_room, total) = shares(mesh, self.sample(), is_of_room);
+        Ok(of_room >= ROOM_SHARE * total)
+    }
+
+    /// The pieces without this one.
+    fn others<'a>(&self, pieces: &[&'a Self]) -> Vec<&'a Self> {
+        pieces.iter().filter(|p| !std::ptr::eq(**p, self)).copied().collect()
+    }
+
+    /// Triangles of which sight is tested: as many as give a good estimate.
+    fn sample(&self) -> impl Iterator<Item = usize> {
+        self.triangles.iter().copied().step_by(self.triangles.len().div_ceil(MAX_RAYS).max(1))
+    }
+
+    /// Whether the piece is the cove of a backdrop that is modelled apart: an open surface that joins a floor or
+    /// a wall, spans the scene in one direction, and is seen from the middle of `others`.
+    fn is_cove(
+        &self,
+        mesh: &Mesh,
+        panels: &[&Self],
+        others: &[&Self],
+        scene: &Bounds,
+    ) -> Result<bool, EmbreeError> {
+        let share = self.bounds.extent() / scene.extent();
+        let gap = PANEL_GAP * scene.extent().min_element();
+        let joins = |p: &&Self| p.bounds.touches(&self.bounds, gap);
+        if self.is_clear
+            || self.sheet.is_some()
+            || share.x.max(share.z) < PANEL_SPAN
+            || others.is_empty()
+            || !panels.iter().any(joins)
+        {
+            return Ok(false);
+        }
+        let middle = bounds_of(others).center();
+        let azimuths = self.triangles.iter().flat_map(|&t| mesh.corners(t)).map(|p| p - middle);
+        Ok(covered(azimuths.map(|d| d.z.atan2(d.x)).collect()) >= AROUND
+            && self.seen_share(mesh, &self.accel(mesh)?, &[middle]) >= ENCLOSING_SHARE)
     }
 
     /// Whether the piece reaches under the others, and surrounds them at a distance, as a backdrop or a
@@ -219,8 +273,7 @@ impl Piece {
         if self.is_clear || !self.spans(scene, ROOM_SPAN) {
             return Ok(false);
         }
-        let others: Vec<&Self> = pieces.iter().filter(|p| !std::ptr::eq(**p, self)).copied().collect();
-        let inner = bounds_of(&others);
+        let inner = bounds_of(&self.others(pieces));
         let room = self.bounds.extent() / inner.extent();
         if room.x < ENCLOSING_SPAN || room.z < ENCLOSING_SPAN {
             return Ok(false);
@@ -234,6 +287,12 @@ impl Piece {
         let eyes = [middle, Vec3::new(middle.x, scene.hi.y, middle.z)];
         Ok(self.seen_share(mesh, &accel, &eyes) >= ENCLOSING_SHARE)
     }
+}
+
+/// Whether the middle of a triangle is seen from a point among the triangles of `accel`.
+fn is_seen(accel: &Accel, eye: Vec3, corners: [Vec3; 3]) -> bool {
+    let target = (corners[0] + corners[1] + corners[2]) / 3.0;
+    !accel.occluded(&Ray { org: eye, dir: target - eye, t_min: 0.0, t_max: 1.0 - END_MARGIN })
 }
 
 /// The direction, of either sign, of most of the area that has these normals, each as long as its
@@ -316,14 +375,49 @@ impl<'a> Setting<'a> {
                 &mut out.surroundings
             } else if p.is_panel(&scene) || p.is_ground(pieces, &scene) {
                 &mut out.panels
-            } else if p.is_room(mesh, &scene) {
+            } else if p.is_room(mesh, pieces, &scene)? {
                 &mut out.rooms
             } else {
                 &mut out.inner
             };
             kind.push(p);
         }
+        out.move_inner_shell(mesh)?;
+        out.move_coves(mesh)?;
         Ok(out)
+    }
+
+    /// Takes the inner side of a room's thick walls, where it is a piece of its own, out of what is left.
+    fn move_inner_shell(&mut self, mesh: &Mesh) -> Result<(), EmbreeError> {
+        if self.rooms.is_empty() {
+            return Ok(());
+        }
+        let bounds = bounds_of(&self.inner);
+        let holds = |p: &Piece| {
+            let others = p.others(&self.inner);
+            !others.is_empty()
+                && p.bounds.union(bounds_of(&others)) == p.bounds
+                && p.spans(&self.scene, SHELL_SPAN)
+        };
+        let Some(i) = self.inner.iter().position(|p| holds(p)) else { return Ok(()) };
+        if self.inner[i].is_room(mesh, &self.inner, &bounds)? {
+            self.rooms.push(self.inner.remove(i));
+        }
+        Ok(())
+    }
+
+    /// Takes the coves out of what is left: they join a floor, or a wall that stands on one.
+    fn move_coves(&mut self, mesh: &Mesh) -> Result<(), EmbreeError> {
+        let walls = self.inner.iter().filter(|p| p.may_be_wall());
+        let panels: Vec<&Piece> = self.panels.iter().chain(walls).copied().collect();
+        let solids: Vec<&Piece> = self.inner.iter().filter(|p| !p.may_be_wall()).copied().collect();
+        for &piece in &solids {
+            if piece.is_cove(mesh, &panels, &piece.others(&solids), &self.scene)? {
+                self.inner.retain(|p| !std::ptr::eq(*p, piece));
+                self.panels.push(piece);
+            }
+        }
+        Ok(())
     }
 
     /// Heights of what is wide and low enough to stand on, metres.

@@ -301,6 +301,88 @@ mod tests {
     }
 
     #[test]
+    fn the_thick_walls_of_a_room_are_not_the_subject() {
+        // Both sides of the walls as one object or, in a mesh of one object, as two connected parts.
+        for names in [[0, 0, 1], [0; 3]] {
+            for thickness in [0.1, 0.2, 0.3, 0.4] {
+                let mut mesh = Mesh::default();
+                add(&mut mesh, names[0], [-thickness; 3], [4.0, 3.0, 5.0].map(|l| l + thickness));
+                add(&mut mesh, names[1], [0.0; 3], [4.0, 3.0, 5.0]);
+                add(&mut mesh, names[2], [1.0, 0.0, 1.0], [2.0, 1.0, 2.0]);
+                let subject = find(&mesh, &[false]).unwrap();
+                assert!(subject.has_floor, "{names:?} {thickness}");
+                let of_thing = |t: usize| t >= 24;
+                let is_right = subject.is_main.iter().enumerate().all(|(t, m)| *m == of_thing(t));
+                assert!(is_right, "{names:?} {thickness}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_crate_with_what_it_holds_is_the_subject() {
+        let mut mesh = Mesh::default();
+        add(&mut mesh, 0, [-0.1; 3], [1.1; 3]);
+        add(&mut mesh, 0, [0.0; 3], [1.0; 3]);
+        add(&mut mesh, 1, [0.2, 0.0, 0.2], [0.8; 3]);
+        // Open at the top.
+        for face in [9, 3] {
+            mesh.indices.drain(2 * face..2 * face + 2);
+            mesh.objects.drain(2 * face..2 * face + 2);
+            mesh.materials.drain(2 * face..2 * face + 2);
+        }
+        let subject = find(&mesh, &[false]).unwrap();
+        assert!(subject.is_main.iter().all(|m| *m) && !subject.has_floor);
+    }
+
+    #[test]
+    fn a_room_with_thick_walls_may_be_open() {
+        // Towards +z, and at the top: outer and inner faces of what is left.
+        for open in [vec![5], vec![3], vec![3, 5]] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 1, [1.5, 0.0, 1.5], [2.5, 1.0, 2.5]);
+            add(&mut mesh, 0, [-0.3; 3], [4.3, 3.3, 5.3]);
+            add(&mut mesh, 0, [0.0; 3], [4.0, 3.0, 5.0]);
+            for face in [6, 12].into_iter().rev().flat_map(|first| open.iter().rev().map(move |f| first + f))
+            {
+                mesh.indices.drain(2 * face..2 * face + 2);
+                mesh.objects.drain(2 * face..2 * face + 2);
+                mesh.materials.drain(2 * face..2 * face + 2);
+            }
+            let is_alone = |s: &Subject| s.is_main.iter().enumerate().all(|(t, m)| *m == (t < 12));
+            // Open at the top alone it is a crate.
+            assert_eq!(is_alone(&find(&mesh, &[false]).unwrap()), open != [3], "{open:?}");
+        }
+    }
+
+    #[test]
+    fn a_cove_of_its_own_is_a_part_of_the_backdrop() {
+        let position = Vec3::ZERO;
+        let sweep =
+            Sweep { position, turn: 0.0, front: 2.0, back: 2.0, width: 4.0, height: 2.5, radius: 0.8 };
+        for joined in ["nothing", "floor", "wall"] {
+            let mut mesh = Mesh::default();
+            add(&mut mesh, 0, [-0.3, 0.0, -0.3], [0.3, 0.6, 0.3]);
+            sweep.append(&mut mesh, 0, 1);
+            for t in 12..mesh.indices.len() {
+                let middle = mesh.corners(t).into_iter().sum::<Vec3>() / 3.0;
+                // The floor ends, and the wall begins, 0.8 m from the corner.
+                let (floor, wall) = (middle.z > -1.2 + 1e-3, middle.y > 0.8 - 1e-3);
+                mesh.objects[t] = match (floor, wall) {
+                    (true, _) if joined == "floor" => 2,
+                    (_, true) if joined == "wall" => 2,
+                    (true, _) => 1,
+                    (_, true) => 3,
+                    _ => 2,
+                };
+            }
+            let subject = find(&mesh, &[false]).unwrap();
+            assert!(subject.has_floor, "{joined}");
+            let is_right = mesh.objects.iter().zip(&subject.is_main).all(|(o, m)| (*o == 0) == *m);
+            assert!(is_right, "{joined}");
+        }
+    }
+
+    #[test]
     fn the_door_of_a_house_is_not_the_subject() {
         let mut mesh = Mesh::default();
         add(&mut mesh, 0, [0.0; 3], [8.0, 6.0, 10.0]);

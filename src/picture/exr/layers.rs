@@ -9,8 +9,15 @@ use super::header::{Channel, Headers, Part};
 use crate::files::nearest;
 
 /// Names of the layer that shows everything, in lower case: of Blender, Arnold, Houdini, Nuke,
-/// Redshift, V-Ray and Mitsuba.
-const WHOLE: [&str; 7] = ["beauty", "combined", "composite", "rgba", "rgb", "image", "c"];
+/// Redshift, V-Ray, Mitsuba and Unreal Engine.
+const WHOLE: [&str; 11] =
+    ["beauty", "combined", "composite", "rgba", "rgb", "image", "c", "main", "master", "final", "finalimage"];
+
+/// Parts of the names, in lower case, of layers that show one share of the light, or none of it.
+const PARTIAL: [&str; 19] = [
+    "albedo", "alpha", "ambient", "coat", "crypto", "depth", "diffuse", "direct", "emission", "glossy",
+    "mask", "motion", "noise", "normal", "position", "reflect", "shadow", "specular", "variance",
+];
 
 /// Names of the channel of a part that has a single one, when it is grey.
 const LONE: [&str; 6] = ["R", "G", "L", "luminance", "grey", "gray"];
@@ -69,6 +76,7 @@ impl Layer {
             [only] if is_whole(only) => 0,
             [.., last] if is_whole(last) => 1,
             words if words.iter().any(begins) => 2,
+            [.., last] if PARTIAL.iter().any(|part| last.contains(part)) => 4,
             _ => 3,
         };
         (self.is_other_view, by_name)
@@ -147,7 +155,8 @@ fn joined(part: &str, prefix: &str) -> String {
 }
 
 /// The layer of the given name, or the likeliest: first what has no name or one of [`WHOLE`],
-/// then what ends so, then what sounds like it, then the first. In our files it is the first.
+/// then what ends so, then what sounds like it, then the first that is not one of [`PARTIAL`], then the first.
+/// In our files it is the first.
 ///
 /// # Errors
 /// When no layer is a picture, all data are deep, or none or several layers have the name.
