@@ -25,7 +25,8 @@ pub fn figures(args: &FiguresArgs) -> anyhow::Result<()> {
         let parts = parts(args)?;
         Unfinished::check(&args.out.join(UNFINISHED), args.pictures.force)?;
         manifest::check(&args.out, args.pictures.force)?;
-        let unfinished = resume::begin(&args.out.join(UNFINISHED), args.pictures.force)?;
+        let unfinished =
+            resume::begin("figures", &args.out, &args.out.join(UNFINISHED), args.pictures.force)?;
         let result = make(args, args.pictures.force, &parts, &unfinished);
         return resume::end(unfinished, "figures", &args.out, result);
     };

@@ -140,7 +140,7 @@ struct Outcome {
 pub fn learn_signature(args: &LearnArgs) -> anyhow::Result<()> {
     let Some(place) = &args.resume else {
         check_output(args)?;
-        let unfinished = resume::begin(&beside(args.output()), true)?;
+        let unfinished = resume::begin("learn-signature", args.output(), &beside(args.output()), true)?;
         return learn_all(args, args.output(), unfinished);
     };
     let (unfinished, args) =

@@ -17,15 +17,22 @@ use crate::{
 /// Index of the first argument after the program's name and the subcommand's.
 const FIRST: usize = 2;
 
-/// Begins a command whose record and products go to `directory`.
+/// Begins the command `name` that writes to `place`, whose record and products go to `directory`.
 ///
 /// # Errors
 /// Every error of [`Unfinished::begin`]; also when the current directory is unknown.
-pub fn begin(directory: &Path, force: bool) -> anyhow::Result<Unfinished> {
+pub fn begin(name: &str, place: &Path, directory: &Path, force: bool) -> anyhow::Result<Unfinished> {
     let here = env::current_dir().context("cannot tell the current directory")?;
     // Names that are no text would not be found again: such a command is recorded as they look.
     let arguments = env::args_os().skip(FIRST).map(|word| word.to_string_lossy().into_owned()).collect();
-    Ok(Unfinished::begin(directory, &Command::new(here, arguments), force)?)
+    let unfinished = Unfinished::begin(directory, &Command::new(here, arguments), force)?;
+    signals::say_at_once(go_on(name, place));
+    Ok(unfinished)
+}
+
+/// The line that says how to go on with a command.
+fn go_on(name: &str, place: &Path) -> String {
+    format!("to go on: lightopt-embree {name} --resume {}", place.display())
 }
 
 /// Takes up the command that writes to `place`, whose record is in `directory`: goes to where it was begun,
@@ -44,6 +51,7 @@ pub fn take_up<A: Args>(
     // Seen from elsewhere the path would lead elsewhere.
     let directory = env::current_dir().context("cannot tell the current directory")?.join(directory);
     let (unfinished, command) = Unfinished::take_up(&directory)?;
+    signals::say_at_once(go_on(name, place));
     sweep(place, |_| true);
     let begun_in = &command.directory;
     env::set_current_dir(begun_in)
@@ -91,6 +99,6 @@ pub fn end<T>(
         ended?;
         return Ok(value);
     }
-    say(&format!("to go on: lightopt-embree {name} --resume {}", place.display()));
+    say(&go_on(name, place));
     result
 }

@@ -275,7 +275,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<()> {
         for (_, out) in &wanted {
             RunDir::check(out, args.pictures.force)?;
         }
-        let unfinished = resume::begin(&root.join(UNFINISHED), args.pictures.force)?;
+        let unfinished = resume::begin("run", &root, &root.join(UNFINISHED), args.pictures.force)?;
         let result = work(args, args.pictures.force, &root, wanted, &unfinished);
         return resume::end(unfinished, "run", &root, result);
     };

@@ -28,6 +28,8 @@ const PATIENCE: Duration = Duration::from_millis(1800);
 static RECEIVED: AtomicI32 = AtomicI32::new(0);
 /// What the first signal does, in words, once there is something to keep.
 static IN_ORDER: OnceLock<&'static str> = OnceLock::new();
+/// How to go on with what is ended at once, in words.
+static GO_ON: OnceLock<String> = OnceLock::new();
 
 /// Makes SIGINT (Ctrl-C), SIGTERM and SIGHUP end the program with the exit status 128 and their number:
 /// at once or, after `end_in_order`, as that says. Files are whole in any case: they take their names
@@ -64,9 +66,17 @@ pub fn end_in_order(what: &'static str) {
     let _ = IN_ORDER.set(what);
 }
 
+/// Lets the program say so when a signal ends it at once: how to go on with what it did.
+pub fn say_at_once(how: String) {
+    let _ = GO_ON.set(how);
+}
+
 /// Ends the program at once, without what is half-written.
 fn quit(signal: i32) {
     abandon();
+    if let Some(how) = GO_ON.get() {
+        let _ = writeln!(io::stderr(), "{how}");
+    }
     // Not `std::process::exit`, which runs what libraries left to be done while their threads go on.
     low_level::exit(status_of(signal));
 }
