@@ -12,6 +12,7 @@
 use std::{borrow::Cow, collections::HashMap, fmt::Write as _};
 
 use glam::{Vec2, Vec3};
+use memchr::{memchr, memchr_iter};
 
 use super::{error::LineError, imported::Part};
 use crate::scene::mesh::is_in_range;
@@ -56,7 +57,15 @@ pub struct NormalizedObj {
 /// Lines of a text, whether they end in LF, in CR LF or in CR alone.
 pub(super) fn physical_lines(text: &str) -> impl Iterator<Item = &str> {
     let text = text.trim_start_matches('\u{feff}');
-    text.split('\n').flat_map(|line| line.strip_suffix('\r').unwrap_or(line).split('\r'))
+    // Most texts have no CR.
+    let has_cr = memchr(b'\r', text.as_bytes()).is_some();
+    let mut start = 0;
+    let ends = memchr_iter(b'\n', text.as_bytes()).chain(std::iter::once(text.len()));
+    let lines = ends.map(move |end| &text[std::mem::replace(&mut start, end + 1)..end]);
+    lines.flat_map(move |line| {
+        let parts = has_cr.then(|| line.strip_suffix('\r').unwrap_or(line).split('\r'));
+        parts.into_iter().flatten().chain((!has_cr).then_some(line))
+    })
 }
 
 /// Lines of a text, numbered from 1, joined where one ends in `\`, without blank and comment lines.
@@ -82,15 +91,30 @@ pub(super) fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, 
 
 /// The keyword of a line, and the rest of the line without spaces around it.
 pub(super) fn split_keyword(line: &str) -> (&str, &str) {
-    let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+    // Before anything that is not ASCII a space is one byte.
+    let end = line.bytes().position(|b| b.is_ascii_whitespace() || !b.is_ascii());
+    let (keyword, rest) = match end {
+        Some(end) if line.as_bytes()[end].is_ascii() => (&line[..end], &line[end + 1..]),
+        Some(_) => line.split_once(char::is_whitespace).unwrap_or((line, "")),
+        None => (line, ""),
+    };
     (keyword, rest.trim())
+}
+
+/// Words between spaces, which in a text of ASCII alone are found byte by byte.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    let (plain, other) = match text.is_ascii() {
+        true => (Some(text.split_ascii_whitespace()), None),
+        false => (None, Some(text.split_whitespace())),
+    };
+    plain.into_iter().flatten().chain(other.into_iter().flatten())
 }
 
 /// Up to `N` numbers, the rest 0, and how many there are; a comment may follow them.
 pub(super) fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), String> {
     let mut out = [0.0; N];
     let mut n = 0;
-    for word in without_comment(rest).split_whitespace() {
+    for word in words(without_comment(rest)) {
         let number = word.parse().map_err(|_| format!("`{word}` is not a number"))?;
         *out.get_mut(n).ok_or_else(|| format!("more than {N} numbers"))? = number;
         n += 1;
@@ -99,7 +123,7 @@ pub(super) fn numbers<const N: usize>(rest: &str) -> Result<([f32; N], usize), S
 }
 
 fn without_comment(rest: &str) -> &str {
-    rest.split('#').next().unwrap_or_default()
+    rest.bytes().position(|b| b == b'#').map_or(rest, |end| &rest[..end])
 }
 
 /// A name without the comment behind it, which begins with a blank and `#`; `None` where there is none.
@@ -188,7 +212,7 @@ fn vertices<'t>(text: &'t str, out: &mut String) -> Result<Vertices<'t>, LineErr
 /// Appends a line of the first `n` words of `rest`, which are numbers.
 fn push_words(out: &mut String, keyword: &str, rest: &str, n: usize) {
     out.push_str(keyword);
-    for word in without_comment(rest).split_whitespace().take(n) {
+    for word in words(without_comment(rest)).take(n) {
         out.push(' ');
         out.push_str(word);
     }
@@ -202,6 +226,31 @@ fn push(out: &mut String, arguments: std::fmt::Arguments<'_>) {
 
 /// What the indices of a corner refer to, in messages.
 const INDEXED: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// Most digits of an index that is read in one go.
+const MAX_DIGITS: usize = 9;
+
+/// A corner whose indices are plain numbers of what the file has, as nearly all are: as [`corner`] reads it.
+fn plain_corner(word: &str, total: &Counts) -> Option<[Option<usize>; 3]> {
+    let mut out = [None; 3];
+    let mut bytes = word.as_bytes();
+    for (i, slot) in out.iter_mut().enumerate() {
+        let n = bytes.iter().position(|b| !b.is_ascii_digit()).unwrap_or(bytes.len());
+        if n > MAX_DIGITS || n == 0 && i == 0 {
+            return None;
+        }
+        if n > 0 {
+            let index = bytes[..n].iter().fold(0, |index, b| 10 * index + usize::from(b - b'0'));
+            *slot = Some(index.checked_sub(1).filter(|&k| k < total[i])?);
+        }
+        match bytes.get(n) {
+            None => return Some(out),
+            Some(b'/') => bytes = &bytes[n + 1..],
+            Some(_) => return None,
+        }
+    }
+    None
+}
 
 /// One corner `v/vt/vn` of a face as indices from 0. Texture coordinates and normals of which the file
 /// has none count as not given and are passed to `absent`.
@@ -261,6 +310,7 @@ pub fn normalize(text: &str) -> Result<NormalizedObj, LineError> {
         ids: HashMap::new(),
         material_ids: HashMap::new(),
         is_new_part: true,
+        corners: Vec::new(),
         digits: itoa::Buffer::new(),
     };
     for (line, before, content) in others {
@@ -285,6 +335,8 @@ struct Writer {
     material_ids: HashMap<String, usize>,
     /// Whether `part` has changed since the last face.
     is_new_part: bool,
+    /// Corners of the face that is read.
+    corners: Vec<[Option<usize>; 3]>,
     digits: itoa::Buffer,
 }
 
@@ -334,11 +386,14 @@ impl Writer {
                 absent.push((line, what));
             }
         };
-        let corners = without_comment(rest)
-            .split_whitespace()
-            .map(|word| corner(word, before, &self.total, &mut note))
-            .collect::<Result<Vec<_>, _>>()?;
-        if corners.len() < 3 {
+        self.corners.clear();
+        for word in words(without_comment(rest)) {
+            self.corners.push(match plain_corner(word, &self.total) {
+                Some(corner) => corner,
+                None => corner(word, before, &self.total, &mut note)?,
+            });
+        }
+        if self.corners.len() < 3 {
             self.out.n_short += 1;
             return Ok(());
         }
@@ -351,20 +406,29 @@ impl Writer {
             push(&mut self.out.text, format_args!("o {id}\n"));
             self.is_new_part = false;
         }
-        let polygon: Vec<Vec3> = corners.iter().map(|c| self.positions[c[0].unwrap_or(0)]).collect();
+        if let [a, b, c] = self.corners[..] {
+            self.triangle([a, b, c]);
+            return Ok(());
+        }
+        let polygon: Vec<Vec3> = self.corners.iter().map(|c| self.positions[c[0].unwrap_or(0)]).collect();
         for t in triangulate(&polygon) {
-            self.out.text.push('f');
-            for [v, vt, vn] in t.map(|i| corners[i]) {
-                // Number 1 stands for absent: see `NormalizedObj::text`.
-                let n = |i: Option<usize>| i.map_or(1, |i| i + 2);
-                for (separator, index) in [(' ', v.unwrap_or(0) + 1), ('/', n(vt)), ('/', n(vn))] {
-                    self.out.text.push(separator);
-                    self.out.text.push_str(self.digits.format(index));
-                }
-            }
-            self.out.text.push('\n');
+            self.triangle(t.map(|i| self.corners[i]));
         }
         Ok(())
+    }
+
+    /// Writes a triangle.
+    fn triangle(&mut self, corners: [[Option<usize>; 3]; 3]) {
+        self.out.text.push('f');
+        for [v, vt, vn] in corners {
+            // Number 1 stands for absent: see `NormalizedObj::text`.
+            let n = |i: Option<usize>| i.map_or(1, |i| i + 2);
+            for (separator, index) in [(' ', v.unwrap_or(0) + 1), ('/', n(vt)), ('/', n(vn))] {
+                self.out.text.push(separator);
+                self.out.text.push_str(self.digits.format(index));
+            }
+        }
+        self.out.text.push('\n');
     }
 }
 
@@ -468,6 +532,48 @@ mod tests {
         assert_eq!(of("# c\rv 1\r\rf 1\r"), unix);
         assert_eq!(of("# c\r\nv 1\r\n\r\nf 1\r\n"), unix);
         assert_eq!(unix, [(2, "v 1".into()), (4, "f 1".into())]);
+    }
+
+    #[test]
+    fn a_corner_is_read_alike_in_one_go_and_by_parts() {
+        let total = [120, 7, 0];
+        let slow = |word| corner(word, &[60, 7, 0], &total, |_| {});
+        for word in [
+            "1",
+            "120",
+            "12/7",
+            "3//",
+            "3/",
+            "5/1/",
+            "0",
+            "121",
+            "1/8",
+            "1//1",
+            "-1",
+            "+1",
+            "1/2/3/4",
+            "/1",
+            "",
+            "1 ",
+            "x",
+            "0000000003",
+            "99999999999",
+        ] {
+            match plain_corner(word, &total) {
+                Some(fast) => assert_eq!(Ok(fast), slow(word), "{word}"),
+                None => assert!(!matches!(word, "1" | "120" | "12/7" | "3//" | "3/" | "5/1/"), "{word}"),
+            }
+        }
+    }
+
+    #[test]
+    fn words_are_those_between_spaces_of_every_kind() {
+        for text in ["", " ", "a", " 1.5\t-2  3 ", "a\u{a0}b c", "\u{e4} b\u{2003}c"] {
+            let wanted: Vec<&str> = text.split_whitespace().collect();
+            assert_eq!(words(text).collect::<Vec<_>>(), wanted, "{text:?}");
+            let (keyword, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+            assert_eq!(split_keyword(text), (keyword, rest.trim()), "{text:?}");
+        }
     }
 
     #[test]
