@@ -48,6 +48,27 @@ fn a_scene_without_sidecar_is_staged_in_the_frame_and_lit() {
 }
 
 #[test]
+fn a_backdrop_of_the_scene_fills_the_picture_where_it_can() {
+    // A box on a floor before a wall, both 4 m wide: seen from 30 degrees to the right one sees past them.
+    let product = "o product\nv -0.25 0 -0.25\nv 0.25 0 -0.25\nv 0.25 0 0.25\nv -0.25 0 0.25\nv -0.25 0.7 -0.25\nv 0.25 0.7 -0.25
+v 0.25 0.7 0.25\nv -0.25 0.7 0.25\nf 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+    let set = "o floor\nv -2 0 2\nv 2 0 2\nv 2 0 -2\nv -2 0 -2\nf 9 10 11 12\no wall\nv -2 0 -2\nv 2 0 -2
+v 2 2.6 -2\nv -2 2.6 -2\nf 13 14 15 16\n";
+    let room = bare(&format!("{product}{set}"));
+    let said = stderr(&room, &["render", "room.obj", "--spp", "1", "--size", "48x36"]);
+    assert!(said.contains("main object: product; staged with a camera, three lights"), "{said}");
+    let exr = read_exr(&room.path("room.exr")).unwrap();
+    let depth = &exr.parts.iter().find(|p| p.name == "depth").unwrap().channels[0].1;
+    assert!(depth.iter().all(|d| d.is_finite() && *d > 0.0));
+    // A floor alone fills no picture: it is seen as ever.
+    let camera = |room: &Room| import::load(&room.path("room.obj")).unwrap().scene.camera.position;
+    let alone = camera(&bare(&format!("{product}{}", &set[..set.find("o wall").unwrap()])));
+    assert!((alone.x.atan2(alone.z).to_degrees() - 30.0).abs() < 1.0, "{alone}");
+    let before_wall = camera(&room);
+    assert!(before_wall.x.atan2(before_wall.z).to_degrees().abs() < 16.0, "{before_wall}");
+}
+
+#[test]
 fn the_sidecar_that_stage_writes_gives_the_picture_of_staging_in_memory() {
     for obj in [STEP, OBJ] {
         let room = bare(obj);

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | main object | without a floor everything; on one, or in a room, the largest group of touching objects |
 //! | unit of an OBJ | metres up to a size of 20, centimetres up to 1000, millimetres beyond |
-//! | camera | a normal lens, three-quarter view from the right of +z, looking a little down, headroom |
+//! | camera | a normal lens, three-quarter view from the right of +z, or from where the scene's own backdrop fills the picture, looking a little down, headroom |
 //! | backdrop | floor, cove and wall, if there is no floor |
 //! | lights | key, fill and rim, by the size of the main object |
 //!
@@ -40,12 +40,15 @@ use crate::{
 /// Azimuth from which a subject is seen, degrees to the right of +z: a three-quarter view shows front
 /// and side of what faces +z, as glTF models do.
 const AZIMUTH: f32 = 30.0;
-/// Other azimuths, tried in this order where the subject is hidden: mirrored and frontal first, then away
-/// from the front in steps of 30°, about the width of the picture (34°).
-const OTHER_AZIMUTHS: [f32; 11] = [-30.0, 0.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0];
+/// Other azimuths, tried in this order where the subject is hidden or its backdrop does not fill the picture:
+/// mirrored and frontal first, then away from the front in steps of 30°, about the width of the picture (34°).
+const OTHER_AZIMUTHS: [f32; 13] =
+    [-30.0, 15.0, -15.0, 0.0, 60.0, -60.0, 90.0, -90.0, 120.0, -120.0, 150.0, -150.0, 180.0];
 /// Least share of the subject that the camera must see: five standard errors of the estimate below all of
 /// it, so that only a real obstacle moves the camera.
 const MIN_VISIBLE: f32 = 0.9;
+/// Least share of the picture that a backdrop or a room must fill for a view to be preferred: all but a corner.
+const MIN_FRAMED: f32 = 0.98;
 /// Distance of the camera over that of the obstacle behind it, both from the subject: a twentieth keeps
 /// the camera clear of it, more only widens the lens.
 const CLEARANCE: f32 = 0.95;
@@ -230,21 +233,29 @@ fn selection(mesh: &Mesh, is_main: &[bool], imported: &Imported) -> MainObject {
     MainObject::Named(names)
 }
 
-/// The camera from the first azimuth from which the main object is visible, else from the one from
-/// which most of it is, moved forward to where nothing hides its centre.
+/// The camera from the first azimuth from which the main object is visible, and what it stands in fills the picture
+/// if it does so from any; else from the one from which most of the object is visible, moved forward to where
+/// nothing hides its centre.
 fn view(mesh: &Mesh, is_main: &[bool], obstacles: &Obstacles, azimuth: Option<f32>) -> View {
     let points = corners(mesh, is_main);
     let others: &[f32] = if azimuth.is_some() { &[] } else { &OTHER_AZIMUTHS };
     let mut best: Option<(f32, View)> = None;
+    let mut first = None;
     for a in std::iter::once(azimuth.unwrap_or(AZIMUTH)).chain(others.iter().copied()) {
         let view = frame::frame(&points, a);
         let share = obstacles.visible_share(&points, view.eye);
         if share >= MIN_VISIBLE {
-            return view;
+            if obstacles.framed_share(&view) >= MIN_FRAMED {
+                return view;
+            }
+            first.get_or_insert(view);
         }
         if best.is_none_or(|(most, _)| share > most) {
             best = Some((share, view));
         }
+    }
+    if let Some(view) = first {
+        return view;
     }
     let view = best.map_or_else(|| frame::frame(&points, AZIMUTH), |(_, view)| view);
     match obstacles.free_share(view.look_at, view.eye) {

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::frame::View;
 use crate::{
     embree::{Accel, EmbreeError, Ray, TriangleMesh},
     scene::Mesh,
@@ -12,6 +13,12 @@ use crate::{
 const MAX_RAYS: usize = 256;
 /// Share of a ray's length at its end that is not tested: the subject's own surroundings touch it there.
 const END_MARGIN: f32 = 1e-3;
+
+/// Columns and rows of the points of a picture at which it is tested what frames it, its edges included: gaps of a
+/// tenth of its width show.
+const GRID: [usize; 2] = [17, 13];
+/// Distance up to which something frames a picture, over that of the camera from the subject.
+const FAR: f32 = 1e3;
 
 /// All triangles but those of the main object.
 #[derive(Debug)]
@@ -39,6 +46,21 @@ impl Obstacles {
         let Some(accel) = &self.accel else { return 1.0 };
         let dir = to - from;
         accel.intersect(&Ray { org: from, dir, t_min: 0.0, t_max: 1.0 }).map_or(1.0, |hit| hit.t)
+    }
+
+    /// Share in [0, 1] of a picture in which an obstacle, such as a backdrop, is behind or before the main object:
+    /// elsewhere one sees past it into the dark.
+    pub fn framed_share(&self, view: &View) -> f32 {
+        let (axes, tangents) = (view.axes(), view.tangents());
+        let far = FAR * view.eye.distance(view.look_at);
+        let at = |k: usize, n: usize| 2.0 * k as f32 / (n - 1) as f32 - 1.0;
+        let [columns, rows] = GRID;
+        let is_framed = |i: &usize| {
+            let (x, y) = (at(i % columns, columns) * tangents.x, at(i / columns, rows) * tangents.y);
+            let ahead = axes.forward + axes.right * x + axes.up * y;
+            self.free_share(view.eye, view.eye + ahead * far) < 1.0
+        };
+        (0..columns * rows).filter(is_framed).count() as f32 / (columns * rows) as f32
     }
 
     /// Share in [0, 1] of the points that no obstacle hides from `eye`, by a sample of them.
