@@ -44,7 +44,7 @@ fn basis(scene: &Scene) -> TransportBasis {
     let plan = SamplingPlan {
         sizes: vec![
             lightopt_embree::light::SizeDensity::any_size([0.2, 1.5]),
-            SamplingPlan::uniform(&lighting).sizes[1].clone(),
+            SamplingPlan::uniform(&lighting).sizes[1],
         ],
         ..SamplingPlan::uniform(&lighting)
     };
