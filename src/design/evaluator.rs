@@ -175,7 +175,27 @@ impl<'a> Evaluator<'a> {
         gradient: Option<&mut [f64]>,
         scratch: &mut Scratch<'a>,
     ) -> Result<f64, ObjectiveError> {
-        let z = self.measure(u, smoothing, gradient.is_some(), scratch)?;
+        self.prepare(u, gradient.is_some(), scratch);
+        self.evaluate_prepared(u, smoothing, gradient, scratch)
+    }
+
+    /// Makes the images at the point `u` of the unit cube, for [`Self::evaluate_prepared`] by any objective.
+    pub fn prepare(&self, u: &[f64], differentiate: bool, scratch: &mut Scratch<'a>) {
+        self.images(&self.lighting(&self.variables.decode(u)), differentiate, scratch);
+    }
+
+    /// As [`Self::evaluate`], with the images in `scratch`, which are those of `u`.
+    ///
+    /// # Errors
+    /// With fewer than two replicates.
+    pub fn evaluate_prepared(
+        &self,
+        u: &[f64],
+        smoothing: &Smoothing,
+        gradient: Option<&mut [f64]>,
+        scratch: &mut Scratch<'a>,
+    ) -> Result<f64, ObjectiveError> {
+        let z = self.jackknifed(smoothing, scratch)?;
         let (evaluation, dz) = self.objective.terms_with_gradient(&z.corrected, smoothing);
         if let Some(gradient) = gradient {
             self.pull_back(u, &z, &[dz], smoothing, scratch, [gradient].into_iter())?;
@@ -212,8 +232,12 @@ impl<'a> Evaluator<'a> {
         differentiate: bool,
         scratch: &mut Scratch<'a>,
     ) -> Result<Jackknifed, ObjectiveError> {
-        let x = self.variables.decode(u);
-        self.images(&self.lighting(&x), differentiate, scratch);
+        self.prepare(u, differentiate, scratch);
+        self.jackknifed(smoothing, scratch)
+    }
+
+    /// Statistics of the images in `scratch`.
+    fn jackknifed(&self, smoothing: &Smoothing, scratch: &Scratch<'a>) -> Result<Jackknifed, ObjectiveError> {
         let one_out: Vec<&[f64]> = scratch.display[1..].iter().map(Vec::as_slice).collect();
         self.objective.jackknifed(&scratch.display[0], &one_out, smoothing.ramp)
     }

@@ -124,7 +124,7 @@ pub fn spread(count: u32, n: usize, seed: u32) -> impl Iterator<Item = Vec<f64>>
 }
 
 /// Indices of the first points in their order that lie apart by [`MIN_DISTANCE`], at most `count`.
-fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
+pub(super) fn apart<'a>(points: impl Iterator<Item = (usize, &'a [f64])>, count: usize) -> Vec<usize> {
     let mut kept: Vec<(usize, &[f64])> = Vec::new();
     for (i, p) in points {
         let far = |q: &[f64]| p.iter().zip(q).any(|(a, b)| (a - b).abs() > MIN_DISTANCE);

@@ -105,7 +105,8 @@ impl Format {
             format = (&end == TGA_FOOTER).then_some(Self::Tga);
         }
         source.seek(SeekFrom::Start(0))?;
-        if let (None, Some(foreign)) = (format, foreign(&start)) {
+        let foreign = foreign(&start);
+        if let Some(foreign) = foreign.filter(|what| format.is_none() || *what == RAW) {
             return Err(Fault::ForeignFormat(foreign));
         }
         // Of the others every file bears its mark, so that an ending without it says nothing.
@@ -115,14 +116,18 @@ impl Format {
 }
 
 /// Endings of pictures in formats that are not read, cameras' raw ones among them.
-const FOREIGN_ENDINGS: [&str; 27] = [
+const FOREIGN_ENDINGS: [&str; 30] = [
     "gif", "avif", "heic", "heif", "jxl", "jp2", "j2k", "jpf", "psd", "psb", "xcf", "kra", "dds", "ktx",
-    "ktx2", "qoi", "ppm", "pgm", "pfm", "svg", "ico", "dng", "cr2", "cr3", "nef", "arw", "raf",
+    "ktx2", "qoi", "ppm", "pgm", "pfm", "svg", "ico", "dng", "cr2", "cr3", "nef", "arw", "raf", "orf", "rw2",
+    "pef",
 ];
+
+/// What files of cameras are, some of which begin as TIFF does.
+const RAW: &str = "a camera's raw picture";
 
 /// What a file of another program is, by its first bytes.
 fn foreign(start: &[u8]) -> Option<&'static str> {
-    let marks: [(&[u8], &str); 16] = [
+    let marks: [(&[u8], &str); 21] = [
         (b"GIF8", "a GIF"),
         (b"\0\0\0\x0cJXL ", "a JPEG XL picture"),
         (b"\xff\x0a", "a JPEG XL picture"),
@@ -137,7 +142,13 @@ fn foreign(start: &[u8]) -> Option<&'static str> {
         (b"Pf\n", "a portable float map"),
         (b"%PDF", "a PDF document"),
         (b"<svg", "an SVG drawing"),
-        (b"FUJIFILM", "a camera's raw picture"),
+        (b"FUJIFILM", RAW),
+        // Olympus, Panasonic and Sigma.
+        (b"IIRO", RAW),
+        (b"IIRS", RAW),
+        (b"MMOR", RAW),
+        (b"IIU\0", RAW),
+        (b"FOVb", RAW),
         (b"\0\0\x01\0", "an icon (ICO)"),
     ];
     // [ISO/IEC 14496-12] the brand follows the length and the type of the first box.
@@ -146,8 +157,12 @@ fn foreign(start: &[u8]) -> Option<&'static str> {
         Some(b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftypmif1" | b"ftypmsf1") => {
             return Some("a HEIF picture (HEIC)");
         }
-        Some(b"ftypcrx ") => return Some("a camera's raw picture"),
+        Some(b"ftypcrx ") => return Some(RAW),
         _ => {}
+    }
+    // Canon's mark, behind the head of a TIFF.
+    if start.starts_with(b"II*\0") && start.get(8..10) == Some(b"CR") {
+        return Some(RAW);
     }
     if let [b'P', b'1'..=b'7', space, ..] = start
         && space.is_ascii_whitespace()
@@ -171,6 +186,8 @@ mod tests {
             (b"\0\0\0\x0cJXL \r\n\x87\n", "a JPEG XL picture"),
             (b"8BPS\0\x01", "a Photoshop file"),
             (b"P6\n32 24", "a portable any-map (PNM)"),
+            (b"II*\0\x10\0\0\0CR\x02\0", RAW),
+            (b"IIU\0\x18\0\0\0", RAW),
         ] {
             let found = Format::of(&mut Cursor::new(start), Some(Path::new("a.tga")));
             assert!(matches!(found, Err(Fault::ForeignFormat(f)) if f == name), "{found:?}");

@@ -18,6 +18,8 @@ pub struct Profile {
     curves: Vec<Curve>,
     /// From linear channels to Rec.709.
     pub matrix: DMat3,
+    /// Whether the curve gives the lightness L* of CIE, of which 1 is white, and not light.
+    is_lightness: bool,
 }
 
 impl Profile {
@@ -27,8 +29,15 @@ impl Profile {
     pub fn read(bytes: &[u8], is_grey: bool) -> Option<Self> {
         let profile = ColorProfile::new_from_slice(bytes).ok()?;
         if is_grey && profile.color_space == DataColorSpace::Gray {
-            // Grey is the white of the profile, whatever that is.
-            return Some(Self { curves: vec![Curve::of(&profile.gray_trc?)?], matrix: DMat3::IDENTITY });
+            // Grey is the white of the profile, whatever that is. [ICC] 8.3.4: the curve leads to the
+            // connection space, which may be L*a*b*.
+            let is_lightness = match profile.pcs {
+                DataColorSpace::Xyz => false,
+                DataColorSpace::Lab => true,
+                _ => return None,
+            };
+            let curves = vec![Curve::of(&profile.gray_trc?)?];
+            return Some(Self { curves, matrix: DMat3::IDENTITY, is_lightness });
         }
         if profile.color_space != DataColorSpace::Rgb || profile.pcs != DataColorSpace::Xyz {
             return None;
@@ -39,7 +48,7 @@ impl Profile {
         let [red, green, blue] = colorants.map(|c| DVec3::new(c.x, c.y, c.z));
         let colorants = DMat3::from_cols(red, green, blue);
         let is_sound = colorants.is_finite() && colorants.determinant().abs() > 1e-6;
-        is_sound.then(|| Some(Self { curves, matrix: d50_to_rec709()? * colorants }))?
+        is_sound.then(|| Some(Self { curves, matrix: d50_to_rec709()? * colorants, is_lightness: false }))?
     }
 
     /// Number of curves: 1 or 3.
@@ -51,8 +60,16 @@ impl Profile {
     /// Linear light of a sample of a channel.
     #[must_use]
     pub fn decode(&self, channel: usize, v: f64) -> f64 {
-        self.curves[channel.min(self.curves.len() - 1)].decode(v)
+        let decoded = self.curves[channel.min(self.curves.len() - 1)].decode(v);
+        if self.is_lightness { luminance_of(decoded) } else { decoded }
     }
+}
+
+/// Luminance of a lightness L* of CIE, both 1 for white.
+fn luminance_of(lightness: f64) -> f64 {
+    // [CIE15] 8.2.1.1: L* = 116·f(Y) − 16, f the cubic root above (24/116)³ and a line below.
+    let f = (100.0 * lightness + 16.0) / 116.0;
+    if f > 24.0 / 116.0 { f.powi(3) } else { (f - 16.0 / 116.0) * 108.0 / 841.0 }
 }
 
 /// From a sample to light.
@@ -188,6 +205,21 @@ mod tests {
         assert!((table.decode(0.75) - 0.6).abs() < 1e-9 && table.decode(2.0) == 1.0);
         assert!((Curve::of(&ToneReprCurve::Lut(vec![])).unwrap().decode(0.3) - 0.3).abs() < 1e-12);
         assert!(Curve::of(&ToneReprCurve::Parametric(vec![1.0; 6])).is_none());
+    }
+
+    /// Values of L* and Y of the CIE's own table of greys, and both ends.
+    #[test]
+    fn a_grey_profile_may_be_of_lightness() {
+        for (lightness, luminance) in [(0.0, 0.0), (8.0, 0.008_856), (50.0, 0.184_187), (100.0, 1.0)] {
+            let found = luminance_of(lightness / 100.0);
+            assert!((found - luminance).abs() < 1e-6, "{lightness}: {found}");
+        }
+        let mut profile = ColorProfile::new_gray_with_gamma(1.0);
+        for (pcs, wanted) in [(DataColorSpace::Xyz, 0.5), (DataColorSpace::Lab, 0.184_187)] {
+            profile.pcs = pcs;
+            let read = Profile::read(&profile.encode().unwrap(), true).unwrap();
+            assert!((read.decode(0, 0.5) - wanted).abs() < 1e-5, "{pcs:?} {}", read.decode(0, 0.5));
+        }
     }
 
     /// Profiles that the crate writes, held against the primaries that they stand for.

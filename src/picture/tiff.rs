@@ -4,7 +4,7 @@
 use image::metadata::Orientation;
 use tiff::decoder::{BufferLayoutPreference, Decoder, DecodingResult, Limits, ifd::Value};
 use tiff::tags::Tag;
-use tiff::{ColorType, TiffError};
+use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
 use super::budget::{self, METADATA_BUDGET, PICTURE_BUDGET};
 use super::primaries::Chromaticities;
@@ -328,6 +328,13 @@ fn rationals(decoder: &mut TiffDecoder, tag: Tag) -> Option<Vec<f64>> {
 
 fn refused(error: &TiffError) -> Fault {
     match error {
+        // As the first picture in files of cameras; the crate refuses it before its other entries can be read.
+        TiffError::UnsupportedError(TiffUnsupportedError::UnknownInterpretation) => Fault::Unsupported {
+            what:
+                "its samples are no colours, as in cameras' raw pictures (unknown PhotometricInterpretation)"
+                    .into(),
+            cure: CURE,
+        },
         TiffError::UnsupportedError(what) => Fault::Unsupported { what: what.to_string(), cure: CURE },
         other => Fault::decode(Format::Tiff, other.to_string()),
     }
