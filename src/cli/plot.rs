@@ -23,7 +23,7 @@ use crate::{
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     lightopt-embree plot runs/fruit_basket-high-key --what convergence -o convergence.svg\n  \
-    lightopt-embree plot runs/fruit_basket-high-key --what scan -o scan.png")]
+    lightopt-embree plot runs/fruit_basket-high-key --what scan -o scan.pdf")]
 pub struct PlotArgs {
     /// Run directory
     #[arg(value_name = "RUN_DIR")]
@@ -33,7 +33,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "WHAT", value_parser = what())]
     pub what: What,
 
-    /// File to write: .svg (vectors) or .png
+    /// File to write: .svg or .pdf (vectors), or .png
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 }
@@ -48,12 +48,9 @@ fn what() -> impl TypedValueParser<Value = What> {
 fn format(path: &Path) -> anyhow::Result<Format> {
     match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
         Some("svg") => Ok(Format::Svg),
+        Some("pdf") => Ok(Format::Pdf),
         Some("png") => Ok(Format::Png),
-        Some("pdf") => bail!(
-            "{}: no PDF is written; write an .svg, from which rsvg-convert or Inkscape makes one",
-            path.display()
-        ),
-        _ => bail!("{}: a plot ends in .svg or .png", path.display()),
+        _ => bail!("{}: a plot ends in .svg, .pdf or .png", path.display()),
     }
 }
 

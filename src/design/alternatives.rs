@@ -4,6 +4,8 @@
 //! picture. Of those whose f_q is within [`WITHIN`] of the best, the one that differs most from all that are
 //! taken already is taken next, until none differs by [`DIFFERENT`] any more.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -26,7 +28,8 @@ use crate::{
 /// target by a fifth of the largest miss costs as much.
 pub const WITHIN: f64 = 0.1;
 /// Root mean square of the difference of two small pictures, in display luminance from 0 to 1, from which they
-/// are seen to differ: a twenty-fifth of the way from black to white everywhere. Set by looking.
+/// are seen to differ: a twenty-fifth of the way from black to white everywhere. Set by looking. Where a look asks for
+/// colours, those count beside it: a and b of Oklab, in which such a step is about as large as one of luminance.
 pub const DIFFERENT: f64 = 0.04;
 /// Starts that descend beside those of the search, best first: twice as many as the search itself has. With 48 the
 /// fruit basket offered as many lightings as may be.
@@ -81,10 +84,12 @@ impl Ground<'_, '_> {
         let points: Vec<Vec<f64>> = ends.chain(more).map(|u| not_below(u, &lower)).collect();
         let of: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
         let estimates = self.whole.estimates(&of, 1).map_err(|_| OptimError::NothingEvaluated)?;
-        let good = points.iter().zip(estimates).filter(|(_, e)| e.evaluation.f_q <= f_q + WITHIN);
+        // What is not known to that distance may not be so near.
+        let is_good = |e: &JackknifeEstimate| e.evaluation.f_q <= f_q + WITHIN && e.error_bar() <= WITHIN;
+        let good = points.iter().zip(estimates).filter(|(_, e)| is_good(e));
         let good: Vec<(&Vec<f64>, JackknifeEstimate)> = good.collect();
-        let pictures: Vec<Vec<f64>> = good.par_iter().map(|(u, _)| self.small(u)).collect();
-        let taken = farthest(&self.small(best), &pictures);
+        let pictures: Vec<[Vec<f64>; 2]> = good.par_iter().map(|(u, _)| self.small(u)).collect();
+        let taken = farthest(&self.small(best), &pictures, self.reduced.basis.layout().n_pixels());
         let mut found: Vec<Alternative> = taken
             .into_iter()
             .map(|(i, distance)| Alternative { u: good[i].0.clone(), estimate: good[i].1.clone(), distance })
@@ -93,26 +98,31 @@ impl Ground<'_, '_> {
         Ok(found)
     }
 
-    /// The reduced picture of a point, in display luminance.
-    fn small(&self, u: &[f64]) -> Vec<f64> {
+    /// What is shown of the reduced picture of a point, by each half of the samples.
+    fn small(&self, u: &[f64]) -> [Vec<f64>; 2] {
         let Evaluator { basis, variables, measure, .. } = *self.reduced;
-        shown(basis, self.reduced.lighting(&variables.decode(u)), measure)
+        let x = self.reduced.lighting(&variables.decode(u));
+        let (n, half) = (basis.n_replicates(), basis.n_replicates() / 2);
+        [0..half.max(1), half.min(n - 1)..n].map(|replicates| shown(basis, &x, replicates, measure))
     }
 }
 
-/// Display luminance of the picture of a lighting, the mean over the replicates.
-fn shown(basis: &TransportBasis, x: Lighting, measure: Measure) -> Vec<f64> {
-    let recombination = Recombination::new(basis.layout(), &x);
+/// Display luminance of the picture of a lighting, the mean over some of the replicates, and its chroma where that is
+/// measured.
+fn shown(basis: &TransportBasis, x: &Lighting, replicates: Range<usize>, measure: Measure) -> Vec<f64> {
+    let recombination = Recombination::new(basis.layout(), x);
     let n = basis.layout().n_pixels();
     let mut mean = vec![0.0; n * measure.n_planes()];
     let mut one = mean.clone();
-    for replicate in 0..basis.n_replicates() {
+    let share = 1.0 / replicates.len().max(1) as f64;
+    for replicate in replicates {
         basis.luminance(replicate, &recombination, &mut one);
-        mean.iter_mut().zip(&one).for_each(|(mean, v)| *mean += v / basis.n_replicates() as f64);
+        mean.iter_mut().zip(&one).for_each(|(mean, v)| *mean += share * v);
     }
-    let (mut l, mut slopes) = (vec![0.0; n], vec![0.0; mean.len()]);
-    measure.encode_all(&mean, x.exposure, &mut l, &mut slopes);
-    l
+    let (mut shown, mut slopes) =
+        (vec![0.0; n * measure.n_shown()], vec![0.0; mean.len() * measure.n_shown()]);
+    measure.encode_all(&mean, x.exposure, &mut shown, &mut slopes);
+    shown
 }
 
 /// A point with no coordinate below a bound.
@@ -120,12 +130,14 @@ fn not_below(u: Vec<f64>, lower: &[f64]) -> Vec<f64> {
     u.into_iter().zip(lower).map(|(u, lower)| u.max(*lower)).collect()
 }
 
-/// Indices of pictures, each the farthest from the `first` one and from those taken before, with its distance from
-/// the nearest of them; as many as differ, and fewer than may be offered.
-fn farthest(first: &[f64], pictures: &[Vec<f64>]) -> Vec<(usize, f64)> {
-    let distance = |a: &[f64], b: &[f64]| {
-        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
-        (square / a.len().max(1) as f64).sqrt()
+/// Indices of pictures of `n_pixels`, each the farthest from the `first` one and from those taken before, with its
+/// distance from the nearest of them; as many as differ, and fewer than may be offered. Each picture is given twice,
+/// by halves of the samples: their noise differs, so that products of the differences have none in the mean.
+fn farthest(first: &[Vec<f64>; 2], pictures: &[[Vec<f64>; 2]], n_pixels: usize) -> Vec<(usize, f64)> {
+    let distance = |a: &[Vec<f64>; 2], b: &[Vec<f64>; 2]| {
+        let each = a[0].iter().zip(&b[0]).zip(a[1].iter().zip(&b[1]));
+        let square: f64 = each.map(|((a0, b0), (a1, b1))| (a0 - b0) * (a1 - b1)).sum();
+        (square.max(0.0) / n_pixels.max(1) as f64).sqrt()
     };
     let mut nearest: Vec<f64> = pictures.iter().map(|p| distance(p, first)).collect();
     let mut taken = Vec::new();
@@ -163,9 +175,9 @@ mod tests {
 
     #[test]
     fn the_farthest_is_taken_until_none_differs() {
-        let flat = |l: f64| vec![l; 6];
+        let flat = |l: f64| [vec![l; 6], vec![l; 6]];
         let pictures = [flat(0.5), flat(0.52), flat(0.9), flat(0.58), flat(0.1)];
-        let far = farthest(&flat(0.5), &pictures);
+        let far = farthest(&flat(0.5), &pictures, 6);
         let mut taken: Vec<usize> = far.iter().map(|(i, _)| *i).collect();
         taken.sort_unstable();
         // .52 looks like .5, and so does .5 itself.
@@ -175,7 +187,23 @@ mod tests {
 
     #[test]
     fn no_more_are_taken_than_may_be_offered() {
-        let pictures: Vec<Vec<f64>> = (0..40).map(|i| vec![f64::from(i) / 8.0; 4]).collect();
-        assert_eq!(farthest(&[0.0; 4], &pictures).len(), MAX_PICKS - 1);
+        let flat = |l: f64| [vec![l; 4], vec![l; 4]];
+        let pictures: Vec<[Vec<f64>; 2]> = (0..40).map(|i| flat(f64::from(i) / 8.0)).collect();
+        assert_eq!(farthest(&flat(0.0), &pictures, 4).len(), MAX_PICKS - 1);
+    }
+
+    #[test]
+    fn noise_makes_no_difference() {
+        // Of one mean, with noise of .2 that halves do not share.
+        let noisy = |sign: f64| {
+            let half = |period: usize| {
+                (0..64).map(|i| 0.5 + if i / period % 2 == 0 { sign } else { -sign }).collect()
+            };
+            [half(1), half(2)]
+        };
+        assert!(farthest(&noisy(0.1), &[noisy(-0.1)], 64).is_empty());
+        let far =
+            farthest(&noisy(0.1), &[noisy(-0.1).map(|half| half.iter().map(|l| l + 0.1).collect())], 64);
+        assert!((far[0].1 - 0.1).abs() < 1e-12);
     }
 }

@@ -1,6 +1,7 @@
 //! `result.json`: what a run has come to, and the lights with which it did. Its keys are listed in
 //! `docs/formats.md`.
 
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 
 use super::{
@@ -81,7 +82,8 @@ pub(super) fn write(report: &RunReport, job: &Job, setup: Setup) -> Result<(), s
     value["authored"] = json!(fitted);
     value["start"] = json!(variables.lighting(fitted.clone(), &initial));
     value["found"] = json!(variables.lighting(fitted.clone(), &report.x));
-    value["lights"] = scene.lights.iter().map(|light| facts(light, scene.origin.to_array())).collect();
+    let moved = |light: &Light| setup.rig?.lamps.iter().find(|lamp| lamp.name == light.name)?.moved_from;
+    value["lights"] = scene.lights.iter().map(|light| facts(light, moved(light), scene.origin)).collect();
     value["has_background"] = (!scene.background().is_empty()).into();
     if !report.alternatives.is_empty() {
         value["picks"] = alternatives::to_json(report, setup);
@@ -91,12 +93,10 @@ pub(super) fn write(report: &RunReport, job: &Job, setup: Setup) -> Result<(), s
     Ok(())
 }
 
-/// What is to be known of a light: what it is and where it stands in the scene's file, whose origin is at
-/// `origin` there, and its power, W, for unit radiance at size 1.
-fn facts(light: &Light, origin: [f64; 3]) -> Value {
-    let place = |p: glam::Vec3| -> Vec<f64> {
-        p.to_array().iter().zip(origin).map(|(&p, o)| f64::from(p) + o).collect()
-    };
+/// What is to be known of a light: what it is, where it stands in the scene's file, whose origin is at `origin`
+/// there, and where it stood if it was moved, and its power, W, for unit radiance at size 1.
+fn facts(light: &Light, moved_from: Option<Vec3>, origin: DVec3) -> Value {
+    let place = |p: Vec3| (p.as_dvec3() + origin).to_array();
     let beam = |cos: f32| 2.0 * f64::from(cos).acos().to_degrees();
     let (kind, position, extent, beam) = match &light.shape {
         Shape::Planar(p) => {
@@ -113,7 +113,7 @@ fn facts(light: &Light, origin: [f64; 3]) -> Value {
         Shape::Environment(_) => ("environment", None, None, None),
         Shape::Mesh(_) => ("mesh", None, None, None),
     };
-    json!({
+    let mut facts = json!({
         "name": light.name,
         "type": kind,
         "unit": light.unit(),
@@ -125,5 +125,9 @@ fn facts(light: &Light, origin: [f64; 3]) -> Value {
         "has_size": light.has_size(),
         // The power of a surface grows as the square of its size, that of other lights has none.
         "power": light.unit_power(1.0),
-    })
+    });
+    if let Some(place_before) = moved_from {
+        facts["moved_from"] = json!(place(place_before));
+    }
+    facts
 }

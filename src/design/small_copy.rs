@@ -11,7 +11,7 @@ use super::{
 };
 use crate::{
     audit::{
-        live::{Facts, Live},
+        live::{Facts, Live, Shares},
         stored::{About, runs},
     },
     lighting::Lighting,
@@ -32,7 +32,7 @@ pub fn of(basis: &TransportBasis, fixed: &Lighting, setup: Setup) -> io::Result<
     let variables = setup.variables;
     let spread = spread(COMPARED, variables.len(), seed_for(setup.options.seed, Purpose::Copy) as u32);
     let points = spread.chain([variables.start()]);
-    let measure = setup.options.measure;
+    let measure = setup.options.measure.of_luminance();
     let lightings: Vec<Lighting> = points
         .map(|u| {
             let x = variables.lighting(fixed.clone(), &variables.decode(&u));
@@ -44,9 +44,12 @@ pub fn of(basis: &TransportBasis, fixed: &Lighting, setup: Setup) -> io::Result<
         .collect();
     let error = copy.open()?.error(basis, &lightings, measure);
     let about = About::new(setup.scene, fixed, setup.aovs, variables, measure);
+    let about = about.with_colors(setup.scene, basis.layout());
     let mask = reduced_mask(&about.mask(), basis.layout().size, copy.header.reduction);
     let about = About { mask: runs(&mask), ..about };
-    Ok(Live { copy, facts: Facts { about, authored: setup.fitted.lighting.clone(), error } })
+    let [width, height] = copy.header.size.map(|n| n as usize);
+    let weights = setup.options.weights.as_ref().map(|weights| Shares::new(&weights.at(width, height)));
+    Ok(Live { copy, facts: Facts { about, authored: setup.fitted.lighting.clone(), weights, error } })
 }
 
 /// A mask of blocks of `factor` × `factor` pixels: a block is the object's when most of its pixels are.

@@ -31,7 +31,7 @@ pub fn page(directories: &[PathBuf]) -> Result<String, ReportError> {
     let mut looks: Vec<(PathBuf, Look)> = Vec::new();
     for directory in directories {
         for run in super::runs(directory)? {
-            let look = gather::look(&run)?;
+            let look = gather::look(&run, None)?;
             looks.push((run, look));
         }
     }

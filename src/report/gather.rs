@@ -10,10 +10,10 @@ use serde_json::{Map, Value, json};
 
 use super::{ReportError, picture};
 use crate::{
-    audit::{MANIFEST, PLAN, RESULT, TIMING, pick_stem},
+    audit::{ENVIRONMENTS, MANIFEST, PLAN, RESULT, TIMING, pick_stem, stored::About},
     lighting::Lighting,
     objective::{Goal, Target, Term},
-    variables::VariableKind,
+    variables::{ParamVector, Variable},
 };
 
 /// Everything that a page shows of a look.
@@ -38,11 +38,29 @@ pub fn targets(run: &Path) -> Result<Vec<String>, ReportError> {
     Ok(serde_json::from_value(names).unwrap_or_default())
 }
 
-/// What a page shows of the look of a run directory.
+/// The looks that the command line of a run names, in their order.
+///
+/// # Errors
+/// When the log of times cannot be read.
+pub fn asked(run: &Path) -> Result<Vec<String>, ReportError> {
+    let timing = lines(&run.join(TIMING))?;
+    let words: Vec<String> =
+        timing.iter().find_map(|line| line["command"].as_array()).into_iter().flatten().map(text).collect();
+    let value = words.iter().enumerate().find_map(|(i, word)| match word.strip_prefix("--targets") {
+        Some("") => words.get(i + 1).map(String::as_str),
+        Some(value) => value.strip_prefix('='),
+        None => None,
+    });
+    let name = |spec: &str| Path::new(spec).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    Ok(value.unwrap_or_default().split(',').filter_map(name).collect())
+}
+
+/// What a page shows of the look of a run directory; `about` is the description in the small copy of its basis,
+/// where there is one.
 ///
 /// # Errors
 /// When a file of it cannot be read.
-pub fn look(run: &Path) -> Result<Look, ReportError> {
+pub fn look(run: &Path, about: Option<&About>) -> Result<Look, ReportError> {
     let mut manifest = manifest(run)?;
     let path = run.join(RESULT);
     if !path.is_file() {
@@ -59,8 +77,8 @@ pub fn look(run: &Path) -> Result<Look, ReportError> {
         .map_or_else(Vec::new, |all| all.iter().map(|l| text(&l["name"])).collect());
     let is_whole = |x: &Lighting| [x.radiance.len(), x.size.len()] == [names.len(); 2];
     let found = found.filter(is_whole);
-    let followers = Followers { manifest: &manifest, names: &names };
-    let iterations = iterations(run, found.as_ref(), &followers)?;
+    let variables = about.filter(|about| about.lights == names).map(About::variables);
+    let iterations = iterations(run, found.as_ref().zip(variables.as_ref()), is_fd(&manifest))?;
     let scene = Path::new(manifest["scene"]["path"].as_str().unwrap_or_default());
     let scene_name = scene.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let data = json!({
@@ -70,6 +88,9 @@ pub fn look(run: &Path) -> Result<Look, ReportError> {
         "result": result,
         "terms": Term::ALL.iter().filter_map(|&term| wish(&target, term)).collect::<Vec<_>>(),
         "signature": signature(&target),
+        "palette": palette(&target),
+        "environments": environments(run)?,
+        "fronts": fronts(run)?,
         "evaluations": columns(&evaluations, &target),
         "iterations": iterations,
         "starts": starts(run)?,
@@ -134,6 +155,7 @@ fn wish(target: &Target, term: Term) -> Option<Value> {
     target.goal(term)?;
     let wanted = target.target(term);
     let miss = term.largest_miss(wanted);
+    let [least, most] = drawn(term, wanted);
     Some(json!({
         "name": term.name(),
         "label": term.label(),
@@ -142,9 +164,21 @@ fn wish(target: &Target, term: Term) -> Option<Value> {
         "weight": target.weight(term),
         "miss": miss,
         "distance": term.is_distance(),
-        // Where a drawing of its values ends: gradients and deviations are small.
-        "most": if term.is_distance() { 0.5 } else { (2.0 * wanted).clamp(0.5, 1.0) },
+        "is_of_color": term.is_of_color(),
+        "least": least,
+        "most": most,
     }))
+}
+
+/// Where a drawing of a term's values begins and ends: gradients and deviations are small, and means of colour have
+/// both signs.
+fn drawn(term: Term, wanted: f64) -> [f64; 2] {
+    match term {
+        _ if term.is_distance() => [0.0, if term.is_of_color() { 1.0 } else { 0.5 }],
+        Term::SpreadObj | Term::SpreadBack => [0.0, (2.0 * wanted).clamp(0.1, 0.32)],
+        _ if term.is_of_color() => [-0.16, 0.16],
+        _ => [0.0, (2.0 * wanted).clamp(0.5, 1.0)],
+    }
 }
 
 /// The signature of a target, by its name and cumulated.
@@ -156,6 +190,58 @@ fn signature(target: &Target) -> Value {
         Goal::Value(_) | Goal::Palette(_) => None,
     };
     target.goals().find_map(|(_, goal)| of(goal)).unwrap_or(Value::Null)
+}
+
+/// The palette of a target: shares of the pixels by a and b of Oklab.
+fn palette(target: &Target) -> Value {
+    let of = |goal: &Goal| match goal {
+        Goal::Palette(p) => Some(json!({"name": p.name(), "shares": p.shares()})),
+        Goal::Value(_) | Goal::Signature(_) => None,
+    };
+    target.goals().find_map(|(_, goal)| of(goal)).unwrap_or(Value::Null)
+}
+
+/// The surroundings that were compared, a list of texts each below the names of the columns; null where none were.
+fn environments(run: &Path) -> Result<Value, ReportError> {
+    let path = run.join(ENVIRONMENTS);
+    if !path.is_file() {
+        return Ok(Value::Null);
+    }
+    let fail = |e: csv::Error| ReportError::Record { path: path.clone(), message: e.to_string() };
+    let bytes = fs::read(&path).map_err(|source| ReportError::Read { path: path.clone(), source })?;
+    let mut table = csv::ReaderBuilder::new().has_headers(false).from_reader(bytes.as_slice());
+    let rows = table.records().map(|row| row.map(|row| row.iter().map(str::to_owned).collect::<Vec<_>>()));
+    Ok(json!(rows.collect::<Result<Vec<_>, _>>().map_err(fail)?))
+}
+
+/// Fronts between two aims that `scan --pareto` has written into the directory of a run, by name: of each the plot and
+/// the small pictures with their lightings.
+fn fronts(run: &Path) -> Result<Value, ReportError> {
+    let fail = |source| ReportError::Read { path: run.into(), source };
+    let entries = fs::read_dir(run).map_err(fail)?.flatten().map(|entry| entry.path());
+    let mut tables: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "csv")).collect();
+    tables.sort();
+    let mut fronts = Vec::new();
+    for table in tables {
+        let stem = table.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let file = |n: usize, ending: &str| format!("{stem}-{n:02}.{ending}");
+        // Tables of other kinds have no pictures of that name.
+        let n = (1..).take_while(|&n| run.join(file(n, "png")).is_file()).count();
+        let plot = picture::embedded(&table.with_extension("png"))?;
+        if n == 0 || plot.is_null() {
+            continue;
+        }
+        let header = read(&table)?;
+        let aims: Vec<&str> = header.lines().next().unwrap_or_default().split(',').take(2).collect();
+        let picture = |n: usize| {
+            let image = picture::embedded(&run.join(file(n, "png")))?;
+            Ok(json!({"lights": file(n, "toml"), "image": image["src"]}))
+        };
+        let pictures = (1..=n).map(picture).collect::<Result<Vec<_>, ReportError>>()?;
+        fronts.push(json!({"aims": aims, "plot": plot, "pictures": pictures}));
+    }
+    Ok(fronts.into())
 }
 
 /// A number with as many digits as a drawing shows.
@@ -187,41 +273,16 @@ fn is_fd(manifest: &Value) -> bool {
     manifest["options"]["gradient"] == "fd"
 }
 
-/// What of a lighting follows from the values of variables.
-struct Followers<'a> {
-    manifest: &'a Value,
-    names: &'a [String],
-}
-
-impl Followers<'_> {
-    /// A lighting with the variables at `x`, by name.
-    fn lighting(&self, mut lighting: Lighting, x: &Value) -> Lighting {
-        for (name, value) in x.as_object().into_iter().flatten() {
-            if let (Some((kind, light)), Some(value)) =
-                (VariableKind::of_name(name, self.names), value.as_f64())
-            {
-                *kind.value(&mut lighting, light) = value;
-            }
-        }
-        let index = |name: &Value| self.names.iter().position(|n| Some(n.as_str()) == name.as_str());
-        for tie in self.manifest["ties"].as_array().into_iter().flatten() {
-            let factor = tie["factor"].as_f64();
-            if let (Some(light), Some(leader), Some(factor)) =
-                (index(&tie["light"]), index(&tie["follows"]), factor)
-            {
-                lighting.radiance[light] = factor * lighting.radiance[leader];
-            }
-        }
-        lighting
-    }
-}
-
-/// Steps of a search, each with its lighting, and with its picture where there is no basis to make it from.
-fn iterations(run: &Path, found: Option<&Lighting>, followers: &Followers) -> Result<Value, ReportError> {
+/// Steps of a search, each with its lighting where `found` is known with the variables, and with its picture where
+/// it is `pictured`, having no basis to make it from.
+fn iterations(
+    run: &Path,
+    found: Option<(&Lighting, &ParamVector)>,
+    pictured: bool,
+) -> Result<Value, ReportError> {
     let lines = lines(&run.join("iterations.jsonl"))?;
-    let pictured = is_fd(followers.manifest);
     let each = lines.iter().enumerate().map(|(i, line)| {
-        let lighting = found.map(|found| followers.lighting(found.clone(), &line["x"]));
+        let lighting = found.map(|(found, variables)| step(found, variables, &line["x"]));
         let image = if pictured { picture::iteration(&run.join(format!("iter_{i:04}.exr")))? } else { None };
         Ok(json!({
             "evaluation": line["evaluation"],
@@ -231,6 +292,17 @@ fn iterations(run: &Path, found: Option<&Lighting>, followers: &Followers) -> Re
         }))
     });
     Ok(each.collect::<Result<Vec<_>, ReportError>>()?.into())
+}
+
+/// The lighting of a step: that which was found, with the variables at the values `x`, by name.
+fn step(found: &Lighting, variables: &ParamVector, x: &Value) -> Lighting {
+    let value = |v: &Variable| {
+        // A light that has no colour of its own in `found` is given one by reading it.
+        let mut of_found = found.clone();
+        x[&v.name].as_f64().unwrap_or_else(|| *v.kind.value(&mut of_found, v.light))
+    };
+    let values: Vec<f64> = variables.variables.iter().map(value).collect();
+    variables.lighting(found.clone(), &values)
 }
 
 /// How many starts there were, and how many were searched from.
@@ -293,6 +365,10 @@ fn plan(run: &Path) -> Result<Option<String>, ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{
+        light::LightColor,
+        variables::{Scale, Tie, VariableKind},
+    };
 
     #[test]
     fn a_command_is_quoted_for_a_shell() {
@@ -314,26 +390,44 @@ mod tests {
 
     #[test]
     fn what_follows_a_light_follows_it_in_a_step_too() {
-        let manifest = json!({"ties": [{"light": "fill", "follows": "key", "factor": 0.25}]});
-        let names = ["key".to_owned(), "fill".to_owned()];
-        let lighting = Lighting {
+        let variable = |name: &str, keyword: &str, light: usize| Variable {
+            name: name.into(),
+            unit: "1",
+            lower: 0.0,
+            upper: 1e4,
+            initial: 1.0,
+            scale: Scale::Linear,
+            kind: VariableKind::named(keyword).unwrap(),
+            light,
+        };
+        let variables = ParamVector {
+            // The radiance is that of a group, which has a name of its own.
+            variables: vec![
+                variable("warm.radiance", "radiance", 0),
+                variable("fill.size", "size", 1),
+                variable("key.color_temperature", "color", 0),
+                variable("background.value", "background", 0),
+            ],
+            ties: vec![Tie { light: 1, leader: 0, factor: 0.25, brought: None }],
+        };
+        let found = Lighting {
             radiance: vec![1.0, 9.0],
             size: vec![1.0; 2],
             value: 1.0,
             exposure: 1.0,
             color: Vec::new(),
         };
-        let followers = Followers { manifest: &manifest, names: &names };
-        let x = followers
-            .lighting(lighting, &json!({"key.radiance": 8.0, "fill.size": 3.0, "background.value": 0.5}));
+        let x = json!({"warm.radiance": 8.0, "fill.size": 3.0, "background.value": 0.5,
+            "key.color_temperature": 3000.0});
+        let warm = LightColor::Temperature { kelvin: 3000.0, tint: 0.0 };
         assert_eq!(
-            x,
+            step(&found, &variables, &x),
             Lighting {
                 radiance: vec![8.0, 2.0],
                 size: vec![1.0, 3.0],
                 value: 0.5,
                 exposure: 1.0,
-                color: Vec::new()
+                color: vec![warm, LightColor::Recorded],
             }
         );
     }

@@ -16,10 +16,11 @@ use crate::{
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
 /// Scripts in their order.
-const SCRIPTS: [&str; 8] = [
+const SCRIPTS: [&str; 9] = [
     include_str!("page/charts.js"),
     include_str!("page/basis.js"),
     include_str!("page/view.js"),
+    include_str!("page/color.js"),
     include_str!("page/objective.js"),
     include_str!("page/state.js"),
     include_str!("page/detail.js"),
@@ -32,7 +33,8 @@ const SCRIPTS: [&str; 8] = [
 /// # Errors
 /// When tables cannot be packed, which takes memory alone.
 pub fn page(looks: &[Look], bases: &[Live], running: bool) -> Result<String, ReportError> {
-    let scene = looks.first().map_or("", |look| look.scene.as_str());
+    // Names of files have no spaces; headings do.
+    let scene = looks.first().map_or_else(String::new, |look| look.scene.replace('_', " "));
     let names: Vec<&str> = looks.iter().map(|look| look.name.as_str()).collect();
     let looks_data = looks.iter().map(|look| {
         let mut data = look.data.clone();
@@ -49,7 +51,7 @@ pub fn page(looks: &[Look], bases: &[Live], running: bool) -> Result<String, Rep
     Ok(assemble(&[
         ("title", &escaped(&format!("{scene}: {}", names.join(", ")))),
         ("kicker", &escaped(&kicker)),
-        ("heading", &escaped(scene)),
+        ("heading", &escaped(&scene)),
         ("footer", &escaped(&footer)),
         ("content", ""),
         ("data", &script_data(&data)),
@@ -105,6 +107,10 @@ fn basis(live: &Live) -> Result<Value, ReportError> {
         "luminance": facts.about.luminance,
         "authored": facts.authored,
         "error": facts.error,
+        "weights": facts.weights,
+        "white": facts.about.white,
+        "ties": facts.about.ties,
+        "variables": facts.about.variables.iter().map(|v| &v.name).collect::<Vec<_>>(),
         "steps": STEPS,
         "one": ONE,
         "red_steps": RED_STEPS,

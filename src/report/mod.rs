@@ -8,6 +8,7 @@
 pub mod compare;
 mod gather;
 mod html;
+mod pdf;
 mod picture;
 pub mod plot;
 
@@ -67,15 +68,19 @@ pub fn write(directory: &Path, running: bool) -> Result<PathBuf, ReportError> {
         // Looks whose lights are still sought come later.
         runs.retain(|run| run.join(RESULT).is_file());
     }
-    let mut looks = runs.iter().map(|run| gather::look(run)).collect::<Result<Vec<_>, _>>()?;
+    let mut looks = Vec::new();
     let mut bases: Vec<(PathBuf, Live)> = Vec::new();
-    for (look, run) in looks.iter_mut().zip(&runs) {
-        let Some(path) = live(run) else { continue };
-        let known = bases.iter().position(|(other, _)| *other == path);
-        if known.is_none() {
-            bases.push((path.clone(), Live::load(&path)?));
+    for run in &runs {
+        let mut basis = None;
+        if let Some(path) = live(run) {
+            let known = bases.iter().position(|(other, _)| *other == path);
+            if known.is_none() {
+                bases.push((path.clone(), Live::load(&path)?));
+            }
+            basis = Some(known.unwrap_or(bases.len() - 1));
         }
-        look.basis = Some(known.unwrap_or(bases.len() - 1));
+        let about = basis.map(|basis| &bases[basis].1.facts.about);
+        looks.push(gather::Look { basis, ..gather::look(run, about)? });
     }
     let bases: Vec<Live> = bases.into_iter().map(|(_, live)| live).collect();
     let page = html::page(&looks, &bases, running)?;
@@ -101,7 +106,11 @@ pub fn runs(directory: &Path) -> Result<Vec<PathBuf>, ReportError> {
     let Some(first) = runs.first() else {
         return Err(ReportError::NoRun { path: directory.into() });
     };
-    let asked = gather::targets(first)?;
+    let mut asked = gather::targets(first)?;
+    if asked.is_empty() {
+        // Looks with lamps of their own are recorded one by one.
+        asked = gather::asked(first)?;
+    }
     let place = |run: &PathBuf| {
         let name = run.file_name().map(|n| n.to_string_lossy().into_owned());
         asked.iter().position(|look| Some(look) == name.as_ref()).unwrap_or(usize::MAX)

@@ -1,16 +1,22 @@
-//! Plots of a run for papers: convergence, terms, histograms, and f_q along each variable; as SVG or PNG.
+//! Plots of a run for papers: convergence, terms, histograms, and f_q along each variable; as SVG, PDF or PNG.
 
-use std::path::Path;
+use std::{cell::RefCell, path::Path, rc::Rc};
 
-use plotters::{coord::Shift, prelude::*};
+use ab_glyph::FontRef;
+use plotters::{
+    coord::Shift,
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
 use serde_json::Value;
 
-use super::{ReportError, gather, live};
+use super::{ReportError, gather, live, pdf::Pdf};
 use crate::{
     audit::live::Live,
     figures::canvas::{Canvas, FigureError, INK, SCALE},
     lighting::Lighting,
-    objective::{Objective, Statistics},
+    math::Measure,
+    objective::Statistics,
     variables::ParamVector,
 };
 
@@ -48,16 +54,26 @@ impl What {
 pub enum Format {
     /// Vectors.
     Svg,
+    /// Vectors on a page.
+    Pdf,
     /// Pixels.
     Png,
 }
 
 /// Width and height of a plot, pixels.
 const SIZE: (u32, u32) = (800, 500);
+/// Points of a page, 1/72 inch, per pixel: 15 cm fit across a column and a half.
+const POINTS: f64 = 0.54;
 /// Values along each variable: enough for a smooth line in a plot of this size.
 const STEPS: u32 = 49;
 /// Bars of a histogram: single codes of a small picture are mostly noise.
 const BARS: usize = 32;
+/// Lines from which on their names stand beside the plot and not in it, where they would hide some.
+const MANY: usize = 5;
+/// Width of the names beside a plot, and height of each, pixels.
+const NAMES: (i32, i32) = (205, 22);
+/// Length of a dash and of the space behind it, pixels.
+const DASH: (u32, u32) = (6, 4);
 /// Colours of lines that are told apart without red and green alone.
 const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 70, 130),
@@ -89,13 +105,15 @@ struct Line {
     band: Vec<f64>,
     /// Whether the points are marked and not joined.
     dotted: bool,
+    /// Whether the line is broken: where there are more lines than colours.
+    dashed: bool,
     /// Width of the line, pixels.
     width: u32,
 }
 
 impl Line {
     fn new(name: impl Into<String>, points: Vec<(f64, f64)>, colour: RGBColor) -> Self {
-        Self { name: name.into(), points, colour, band: Vec::new(), dotted: false, width: 2 }
+        Self { name: name.into(), points, colour, band: Vec::new(), dotted: false, dashed: false, width: 2 }
     }
 }
 
@@ -113,6 +131,17 @@ pub fn plot(run: &Path, what: What, format: Format) -> Result<Vec<u8>, ReportErr
     match format {
         Format::Png => {
             Ok(Canvas::drawn(SIZE, |area| plot.draw(area, SCALE).map_err(FigureError::from))?.png()?)
+        }
+        Format::Pdf => {
+            plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+                .map_err(|_| FigureError::Font)?;
+            let font = FontRef::try_from_slice(dejavu::sans::regular()).map_err(|_| FigureError::Font)?;
+            let size = (SIZE.0 * SCALE as u32, SIZE.1 * SCALE as u32);
+            let page = Rc::new(RefCell::new(Pdf::new(size, POINTS / f64::from(SCALE), font)));
+            let area = DrawingArea::from(&page);
+            plot.draw(&area, SCALE).map_err(|e| ReportError::Draw(e.to_string()))?;
+            drop(area);
+            page.borrow().finish().map_err(ReportError::Pack)
         }
         Format::Svg => {
             // Letters are measured with the font of the other figures.
@@ -138,7 +167,13 @@ impl Plot {
         scale: i32,
     ) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
         let font = |size: i32| ("sans-serif", size * scale).into_font().color(&INK);
-        let mut chart = ChartBuilder::on(area)
+        let has_many = self.lines.len() >= MANY;
+        let wide = area.dim_in_pixel().0 as i32;
+        let (main, beside) = area.split_horizontally(wide - if has_many { NAMES.0 * scale } else { 0 });
+        if has_many {
+            self.draw_names(&beside, scale)?;
+        }
+        let mut chart = ChartBuilder::on(&main)
             .caption(&self.title, font(18))
             .margin(14 * scale)
             .x_label_area_size(46 * scale)
@@ -180,11 +215,19 @@ impl Plot {
                         .legend(move |(x, y)| Circle::new((x + length / 2, y), 3 * scale, style.filled()));
                 }
             } else {
-                let drawn = chart.draw_series(LineSeries::new(line.points.clone(), style))?;
+                let drawn = if line.dashed {
+                    let (dash, space) = (DASH.0 * scale as u32, DASH.1 * scale as u32);
+                    chart.draw_series(DashedLineSeries::new(line.points.clone(), dash, space, style))?
+                } else {
+                    chart.draw_series(LineSeries::new(line.points.clone(), style))?
+                };
                 drawn
                     .label(&line.name)
                     .legend(move |(x, y)| PathElement::new([(x, y), (x + length, y)], style));
             }
+        }
+        if has_many {
+            return Ok(());
         }
         chart
             .configure_series_labels()
@@ -198,6 +241,34 @@ impl Plot {
     }
 }
 
+impl Plot {
+    /// Draws the names of the lines below each other, each behind a piece of it.
+    fn draw_names<DB: DrawingBackend>(
+        &self,
+        area: &DrawingArea<DB, Shift>,
+        scale: i32,
+    ) -> Result<(), DrawingAreaErrorKind<DB::ErrorType>> {
+        let anchor = Pos::new(HPos::Left, VPos::Center);
+        let font = ("sans-serif", 14 * scale).into_font().color(&INK).pos(anchor);
+        for (k, line) in self.lines.iter().filter(|line| !line.name.is_empty()).enumerate() {
+            let y = scale * (50 + NAMES.1 * k as i32);
+            let style = line.colour.stroke_width(line.width * scale as u32);
+            let (from, to) = (2 * scale, 24 * scale);
+            if line.dotted {
+                area.draw(&Circle::new(((from + to) / 2, y), 3 * scale, style.filled()))?;
+            } else {
+                let piece = if line.dashed { DASH.0 as i32 * scale } else { to - from };
+                let step = if line.dashed { (DASH.0 + DASH.1) as i32 * scale } else { piece };
+                for x in (from..to).step_by(step.max(1) as usize) {
+                    area.draw(&PathElement::new([(x, y), ((x + piece).min(to), y)], style))?;
+                }
+            }
+            area.draw(&Text::new(line.name.clone(), (to + 8 * scale, y), font.clone()))?;
+        }
+        Ok(())
+    }
+}
+
 /// A column of the evaluations.
 fn column(values: &Value) -> Vec<f64> {
     values.as_array().into_iter().flatten().filter_map(Value::as_f64).collect()
@@ -205,7 +276,7 @@ fn column(values: &Value) -> Vec<f64> {
 
 /// Evaluations of a run: their numbers, and all of its columns.
 fn evaluations(run: &Path) -> Result<(Vec<f64>, gather::Look), ReportError> {
-    let look = gather::look(run)?;
+    let look = gather::look(run, None)?;
     let n = column(&look.data["evaluations"]["n"]);
     if n.is_empty() {
         return Err(ReportError::Missing { path: run.into(), name: "evaluations.jsonl" });
@@ -251,7 +322,11 @@ fn terms(run: &Path) -> Result<Plot, ReportError> {
         let weight = term["weight"].as_f64().unwrap_or(0.0);
         let f = column(&look.data["evaluations"]["f"][gather::text(&term["name"])]);
         let points = n.iter().copied().zip(f.iter().map(|f| weight * f)).collect();
-        lines.push(Line::new(gather::text(&term["label"]), points, COLOURS[k % COLOURS.len()]));
+        let dashed = k >= COLOURS.len();
+        lines.push(Line {
+            dashed,
+            ..Line::new(gather::text(&term["label"]), points, COLOURS[k % COLOURS.len()])
+        });
     }
     let f_q = column(&look.data["evaluations"]["f_q"]);
     let sum = n.iter().copied().zip(f_q.iter().copied()).collect();
@@ -267,7 +342,7 @@ fn terms(run: &Path) -> Result<Plot, ReportError> {
 
 /// The small copy of the basis of a run, with the record of what it came to.
 fn relit(run: &Path) -> Result<(Live, gather::Look), ReportError> {
-    let look = gather::look(run)?;
+    let look = gather::look(run, None)?;
     let path = live(run).ok_or(ReportError::Missing { path: run.into(), name: "live.basis" })?;
     Ok((Live::load(&path)?, look))
 }
@@ -327,9 +402,9 @@ fn scan(run: &Path) -> Result<Plot, ReportError> {
     let (live, look) = relit(run)?;
     let open = live.copy.open().map_err(ReportError::Pack)?;
     let target = gather::target(&gather::manifest(run)?["target"], run)?;
-    let [width, height] = live.copy.header.size.map(|n| n as usize);
-    let objective = Objective::new(&target, width, height, &live.facts.about.mask())?;
-    let (found, measure) = (lighting(&look, run, &live, "found")?, live.facts.about.measure());
+    let objective = live.objective(&target)?;
+    let measure = Measure { color: target.needs_color(), ..live.facts.about.measure() };
+    let found = lighting(&look, run, &live, "found")?;
     let all = live.facts.about.variables();
     let f_q = |x: &Lighting| objective.evaluate(&measure.encode_image(&open.picture(x), x.exposure)).f_q;
     let here = f_q(&found);
@@ -346,7 +421,8 @@ fn scan(run: &Path) -> Result<Plot, ReportError> {
         values.sort_by(f64::total_cmp);
         let at = |u: f64| (u, f_q(&alone.lighting(found.clone(), &[variable.decode(u)])));
         let points = values.into_iter().map(at).collect();
-        lines.push(Line::new(&variable.name, points, COLOURS[k % COLOURS.len()]));
+        let dashed = k / COLOURS.len() % 2 == 1;
+        lines.push(Line { dashed, ..Line::new(&variable.name, points, COLOURS[k % COLOURS.len()]) });
     }
     lines.push(Line { dotted: true, ..Line::new("as found", marks, RGBColor(34, 34, 34)) });
     let top = lines.iter().flat_map(|l| &l.points).map(|p| p.1).fold(0.0, f64::max);

@@ -1,7 +1,7 @@
 //! A small copy of a basis, from which a page in a browser makes pictures.
 //!
 //! It has the mean of the replicates alone. Every value is kept as the logarithm of its luminance in steps of
-//! 1/[`STEPS`] stop, with the shares of red and blue in it, so that each is exact to about a hundredth however
+//! 1/[`STEPS`] stop, with the shares of red and blue in it, so that each is exact to a hundredth however
 //! dark it is: noise of single pixels is kept, too, which a sum of few pictures would lose. Neighbouring cells
 //! and nodes are alike, so that their differences are small numbers, which deflate well.
 //!
@@ -24,11 +24,13 @@ use crate::{
     math::{Measure, display::LUMINANCE_WEIGHTS},
 };
 
-/// Steps of a logarithm a stop: half of one is 1.1 % of light, and .005 of display luminance at most.
-pub const STEPS: f64 = 32.0;
-/// Code of the light 1; 0 is no light, and 1 is 2^-64.
+/// Steps of a logarithm a stop: half of one is .9 % of light, of which a display that does not encode shows as much,
+/// and one that does half.
+pub const STEPS: f64 = 40.0;
+/// Code of the light 1; 0 is no light, and 1 is 2^-51.
 pub const ONE: u16 = 2049;
-/// Steps of the share of red in the luminance: half of one is 2 % of the red of white light.
+/// Steps of the share of red in the luminance: half of one is 2 % of the red of white light. What pixels of one
+/// colour have in common is not rounded alike, see [`moved`].
 pub const RED_STEPS: f64 = 128.0;
 /// Steps of the share of blue: half of one is 1.4 % of the blue of white light.
 pub const BLUE_STEPS: f64 = 512.0;
@@ -206,14 +208,15 @@ impl Open {
                     let first = (node * sizes.n_cells() + cell) * n;
                     let weight = by_value * by_size;
                     for (p, light) in light.iter_mut().enumerate() {
-                        let rgb = decoded(planes.each_ref().map(|plane| plane[first + p]));
+                        let rgb = decoded(planes.each_ref().map(|plane| plane[first + p]), p);
                         light.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += weight * v);
                     }
                 }
             }
+            let gain = x.gain_of(l);
             // As the basis does: weights of both signs may leave less than nothing.
             for (sum, light) in sum.iter_mut().zip(light) {
-                sum.iter_mut().zip(light).for_each(|(sum, v)| *sum += x.radiance[l] * v.max(0.0));
+                sum.iter_mut().zip(light).zip(gain).for_each(|((sum, v), gain)| *sum += gain * v.max(0.0));
             }
         }
         sum.into_iter().map(|rgb| rgb.map(|v| v as f32)).collect()
@@ -265,27 +268,39 @@ fn nodes(of: &ValueNodes) -> Vec<f64> {
     (0..n - 1).map(|k| largest * root(k) / root(0)).chain([0.0]).collect()
 }
 
-/// Light, red first, of codes.
-fn decoded([y, red, blue]: [u16; 3]) -> [f64; 3] {
+/// Parts of a step, from -1/2 to 1/2, by which the codes of the shares of red and blue in the pixel `p` are moved:
+/// where many pixels have the same shares, as on a wall of one colour, their errors differ then, and the mean has none.
+/// The two are a sequence of low discrepancy, by the powers of the plastic ratio.
+fn moved(p: usize) -> [f64; 2] {
+    [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (p as f64 * step).fract() - 0.5)
+}
+
+/// Light, red first, of the codes of the pixel `p`.
+fn decoded([y, red, blue]: [u16; 3], p: usize) -> [f64; 3] {
     if y == 0 {
         return [0.0; 3];
     }
     let luminance = ((f64::from(y) - f64::from(ONE)) / STEPS).exp2();
     let [of_red, of_green, of_blue] = LUMINANCE_WEIGHTS;
-    let (red, blue) = (f64::from(red) / RED_STEPS, f64::from(blue) / BLUE_STEPS);
+    let share = |code: u16, moved: f64, steps: f64| ((f64::from(code) + moved) / steps).max(0.0);
+    let [by_red, by_blue] = moved(p);
+    let (red, blue) = (share(red, by_red, RED_STEPS), share(blue, by_blue, BLUE_STEPS));
     let green = (1.0 - red - blue).max(0.0);
     [red / of_red, green / of_green, blue / of_blue].map(|share| share * luminance)
 }
 
-/// Codes of light with the luminance `y`, and as much red and blue.
-fn encoded(y: f64, red: f64, blue: f64) -> [u16; 3] {
+/// Codes of the light of the pixel `p` with the luminance `y`, and as much red and blue.
+fn encoded([y, red, blue]: [f64; 3], p: usize) -> [u16; 3] {
     let code = (y.log2() * STEPS).round() + f64::from(ONE);
     if y <= 0.0 || code < 1.0 {
         return [0; 3];
     }
     let [of_red, _, of_blue] = LUMINANCE_WEIGHTS;
-    let share = |of: f64, v: f64, steps: f64| ((of * v.max(0.0) / y).min(1.0) * steps).round() as u16;
-    [code.min(f64::from(u16::MAX)) as u16, share(of_red, red, RED_STEPS), share(of_blue, blue, BLUE_STEPS)]
+    let share =
+        |part: f64, moved: f64, steps: f64| (part.clamp(0.0, 1.0) * steps - moved).round().max(0.0) as u16;
+    let [by_red, by_blue] = moved(p);
+    let code = code.min(f64::from(u16::MAX)) as u16;
+    [code, share(of_red * red / y, by_red, RED_STEPS), share(of_blue * blue / y, by_blue, BLUE_STEPS)]
 }
 
 /// The rows of a basis that are copied.
@@ -312,7 +327,7 @@ impl Rows<'_> {
                     let at = |c: usize| -> f64 {
                         weights.iter().zip(&of_nodes).map(|(w, planes)| w * planes[c][p]).sum()
                     };
-                    let codes = encoded(at(0), at(1), at(2));
+                    let codes = encoded([at(0), at(1), at(2)], p);
                     planes.iter_mut().zip(codes).for_each(|(plane, code)| plane[first + p] = code);
                 }
             }
@@ -413,6 +428,7 @@ fn unfolded(code: u16) -> u16 {
 mod tests {
     use super::*;
     use crate::{
+        light::LightColor,
         math::display::luminance,
         transport::{Layout, SizeBins},
     };
@@ -478,6 +494,41 @@ mod tests {
                     assert!(f64::from((a[c] - b[c]).abs()) < allowed, "{a:?} {b:?}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_wall_of_one_colour_keeps_its_mean_colour() {
+        let colour = [0.35, 0.21, 0.13];
+        let n = 4096;
+        let y: f64 = colour.iter().zip(LUMINANCE_WEIGHTS).map(|(c, w)| c * w).sum();
+        let mut mean = [0.0; 3];
+        for p in 0..n {
+            let rgb = decoded(encoded([y, colour[0], colour[2]], p), p);
+            // Up to the step of the luminance, which is the same everywhere.
+            let scale = y / rgb.iter().zip(LUMINANCE_WEIGHTS).map(|(c, w)| c * w).sum::<f64>();
+            mean.iter_mut().zip(rgb).for_each(|(mean, v)| *mean += scale * v / n as f64);
+        }
+        assert!((0..3).all(|c| (mean[c] / colour[c] - 1.0).abs() < 1e-4), "{mean:?}");
+    }
+
+    #[test]
+    fn lights_of_the_copy_take_the_colours_of_a_lighting() {
+        let basis = basis((5, 4).into());
+        let open = Compact::new(&basis).unwrap().open().unwrap();
+        let warm = LightColor::Temperature { kelvin: 2500.0, tint: 0.0 };
+        let color = vec![warm, LightColor::Rgb([0.1, 0.9, 0.4])];
+        for x in lightings().into_iter().map(|x| Lighting { color: color.clone(), ..x }) {
+            for (a, b) in open.picture(&x).iter().zip(basis.picture(&x).rgb) {
+                let y = luminance(b);
+                assert!((0..3).all(|c| f64::from((a[c] - b[c]).abs()) < 0.12 * y + 1e-9), "{a:?} {b:?}");
+            }
+            // In their recorded colours the picture is another one.
+            let recorded = basis.picture(&Lighting { color: Vec::new(), ..x.clone() }).rgb;
+            let differs = |(a, b): (&[f32; 3], &[f32; 3])| {
+                (0..3).any(|c| f64::from((a[c] - b[c]).abs()) > 0.3 * luminance(*b))
+            };
+            assert!(open.picture(&x).iter().zip(&recorded).any(differs));
         }
     }
 

@@ -30,14 +30,23 @@ async function luminanceOf(page, file) {
 // Display luminance of bytes as a display shows them, as an expression.
 const shown = (bytes) => `Array.from({ length: ${bytes}.length / 4 }, (_, p) => encode([0, 1, 2].reduce((sum, c) => sum + LUMINANCE[c] * decode(${bytes}[4 * p + c] / 255), 0)))`;
 
+// Display luminance of the page's picture before it is rounded to bytes.
+const unrounded = `(() => {
+  const { view, basis, state } = lightopt.live, [R, G, B] = basis.picture(state.x), e = state.now.exposure, codes = [0, 0, 0], light = [0, 0, 0];
+  return Array.from(R, (_, p) => {
+    view.display([e * R[p], e * G[p], e * B[p]], codes, light);
+    return encode(codes.reduce((sum, code, c) => sum + LUMINANCE[c] * decode(code), 0));
+  });
+})()`;
+
 // The lights of the page now, against `relight` and `evaluate`.
-async function compare(page, run, target, view, what) {
+async function compare(page, run, target, view, what, more = []) {
   const toml = await page.run("lightopt.live.toml()");
   writeFileSync(join(work, "now.toml"), toml);
   const basis = join(run, "transport.basis");
   command("relight", "--lights", "now.toml", basis, "-o", "now.exr");
   command("relight", "--lights", "now.toml", basis, "-o", "now.png");
-  const wanted = JSON.parse(command("evaluate", "--json", "--target", target, "now.exr"));
+  const wanted = JSON.parse(command("evaluate", "--json", "--target", target, ...more, "now.exr"));
   const measured = await page.run("({ f_q: lightopt.live.measured.f_q, terms: lightopt.live.measured.terms })");
   const off = Math.abs(measured.f_q - wanted.f_q);
   assert.ok(off <= F_Q, `${what}: f_q ${measured.f_q}, evaluate says ${wanted.f_q}`);
@@ -45,12 +54,12 @@ async function compare(page, run, target, view, what) {
     const here = measured.terms[name].value;
     assert.ok(Math.abs(here - value) <= 2 * LUMINANCE, `${what}: ${name} ${here}, evaluate says ${value}`);
   }
-  const [a, b] = [await page.run(shown("lightopt.live.image.data")), await luminanceOf(page, join(work, "now.png"))];
+  // The one as numbers, the other as bytes, of which half a one is the error.
+  const [a, b] = [await page.run(unrounded), await luminanceOf(page, join(work, "now.png"))];
   assert.equal(a.length, b.length);
   const differences = a.map((l, p) => Math.abs(l - b[p])).sort((x, y) => x - y);
   const largest = differences[differences.length - 1], rms = Math.sqrt(differences.reduce((s, d) => s + d * d, 0) / differences.length);
-  // Bytes are a 255th apart, so that half of that may come from either side.
-  assert.ok(largest <= LUMINANCE + 1 / 255, `${what}: a pixel is off by ${largest}`);
+  assert.ok(largest <= LUMINANCE + 0.5 / 255, `${what}: a pixel is off by ${largest}`);
   say(`${what} (${view}): f_q off by ${off.toFixed(5)}; display luminance by ${rms.toFixed(5)} rms, ${largest.toFixed(5)} at most`);
 }
 
@@ -86,6 +95,54 @@ async function checkNumbers(browser) {
     await page.open(join(out, "report.html"), hash);
     // Its nine digits may round a byte the other way.
     assert.ok(Math.abs((await page.run(sum)) - before) <= 4, "the address holds the lighting");
+    assert.deepEqual(page.complaints, []);
+  }
+}
+
+// Colours of lights and of looks, weights, ties, lamps and surroundings: the page measures them as the program does.
+async function checkSeams(browser) {
+  const scene = join(work, "room.obj");
+  const page = await browser.page();
+  await page.visit("about:blank");
+  // Weights that rise to the right.
+  const url = await page.run(`(() => { const c = document.createElement("canvas"); c.width = 8; c.height = 6; const x = c.getContext("2d"); for (let i = 0; i < 8; i++) { x.fillStyle = "rgb(" + [36 * i, 36 * i, 36 * i] + ")"; x.fillRect(i, 0, 1, 6); } return c.toDataURL(); })()`);
+  writeFileSync(join(work, "weights.png"), Buffer.from(url.split(",")[1], "base64"));
+  const seams = [
+    ["golden-hour", ["--target", "golden-hour", "--free", "radiance,size,background,color"]],
+    ["neon", ["--target", "neon", "--free", "radiance,color_rgb", "--view", "agx"]],
+    ["high-key", ["--weights", "weights.png"], ["--weights", "weights.png"]],
+    ["high-key", ["--tie", "light 2=light 1*0.5", "--ratio", "light 3=light 1/4"]],
+    ["moonlight", ["--lamps", "2", "--target", "moonlight", "--free", "radiance,size,color,exposure"]],
+  ];
+  for (const [i, [target, options, more]] of seams.entries()) {
+    const out = join(work, `seam-${i}`), what = options.filter((option) => option.startsWith("--")).join(" ");
+    command("run", scene, "--work-size", "48x36", "--size", "48x36", "--final-spp", "4", "--keep-basis", "--tolerance", "0.05", ...options, "--out", out);
+    await page.open(join(out, "report.html"));
+    await compare(page, out, target, "as found", what, more);
+    await page.run("lightopt.live.replace(lightopt.look.result.start); lightopt.live.draw()");
+    await compare(page, out, target, "start", what, more);
+    const ratio = "lightopt.live.state.now.radiance[1] / lightopt.live.state.now.radiance[0]", before = await page.run(ratio);
+    await page.run(`lightopt.live.replace(lightopt.look.result.found); lightopt.live.state.setStops(0, 0.7); if (lightopt.live.basis.lights[0].knots) lightopt.live.state.setSize(0, 0.8 * lightopt.live.basis.lights[0].size); ${
+      ["golden-hour", "moonlight"].includes(target) ? "lightopt.live.state.edit((x) => { x.color[0] = { temperature: { kelvin: 3300, tint: 0.01 } }; });" : ""} lightopt.live.state.settle(); lightopt.live.draw()`);
+    await compare(page, out, target, "moved", what, more);
+    if (options.includes("--tie")) {
+      assert.ok(Math.abs((await page.run(ratio)) / before - 1) < 1e-9, "a tied light follows");
+      await page.run("lightopt.live.state.setStops(1, -1); lightopt.live.state.settle(); lightopt.live.draw()");
+      assert.ok(Math.abs((await page.run(ratio)) / before - 1) < 1e-9, "and takes along the one that it follows");
+      await compare(page, out, target, "by a tied light", what, more);
+      assert.match(await page.run("document.querySelector('.tied').textContent"), /Tied to light/);
+    }
+    if (options.includes("--free") && !options.includes("--lamps")) {
+      const words = await page.run("[...document.querySelectorAll('#lights .colours')].map((cell) => cell.textContent)");
+      assert.ok(words.length === 3 && words.every((text) => /→.*(K|#\w{6})$/.test(text)), words.join("; "));
+    }
+    if (options.includes("--lamps")) {
+      assert.ok(await page.run("document.querySelector('.plan img').naturalWidth > 0"), "the plan is shown");
+    }
+    // The address brings the colours back.
+    const hash = await page.run("location.hash"), shown = await page.run(sum);
+    await page.open(join(out, "report.html"), hash);
+    assert.ok(Math.abs((await page.run(sum)) - shown) <= 8, "the address holds the lighting");
     assert.deepEqual(page.complaints, []);
   }
 }
@@ -180,6 +237,7 @@ async function tellTimes(browser) {
 const browser = await Browser.start();
 try {
   await checkNumbers(browser);
+  await checkSeams(browser);
   await checkUse(browser);
   await checkPaperMode(browser);
   await checkAccess(browser);

@@ -89,6 +89,8 @@ pub struct PlacedLamp {
     pub place: Place,
     /// Height of its middle above the floor, metres.
     pub height: f32,
+    /// Place where a light of the scene stood that was moved.
+    pub moved_from: Option<glam::Vec3>,
     /// Radiance with which it was chosen, W·m⁻²·sr⁻¹.
     pub radiance: f64,
     /// Size with which it was chosen.
@@ -321,6 +323,7 @@ fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Ri
             lamp: lamp.scaled(1.0 / size),
             place: set.place(lamp.position),
             height: lamp.position.y - set.floor,
+            moved_from: own.map(|own| own.lamp.position),
             radiance,
             size: size.clamp(size_range[0], size_range[1]),
             constraints: LightConstraints { size_range: Some(size_range), ..constraints },

@@ -126,7 +126,7 @@ fn draw_lamp(out: &mut String, view: &View, lamp: &PlacedLamp, description: &Des
     line(out, from, from + (to - from) * 0.4, "#d90");
     let _ = writeln!(
         out,
-        "<polygon points=\"{}\" fill=\"#fc6\" stroke=\"#b70\" stroke-width=\"2\"/>",
+        "<polygon points=\"{}\" fill=\"#fc6\" fill-opacity=\"0.6\" stroke=\"#b70\" stroke-width=\"2\"/>",
         points.join(" ")
     );
     label(out, from + Vec2::new(0.0, -8.0), "middle", &lamp.name);

@@ -41,9 +41,18 @@ class Basis {
     this.mask = new Uint8Array(this.pixels);
     let at = 0;
     data.mask.forEach((run, i) => { this.mask.fill(i % 2, at, at + run); at += run; });
+    // Share with which each pixel is the main object's.
+    this.share = Float32Array.from(this.mask);
+    if (data.weights) {
+      const bytes = atob(data.weights);
+      this.share.forEach((_, p) => { this.share[p] = (bytes.charCodeAt(2 * p) + 256 * bytes.charCodeAt(2 * p + 1)) / 65535; });
+      this.share.forEach((share, p) => { this.mask[p] = share >= 0.5 ? 1 : 0; });
+    }
     this.exp2 = new Float32Array(65536);
     for (let code = 1; code < 65536; code++) this.exp2[code] = 2 ** ((code - data.one) / data.steps);
     this.rgb = [0, 1, 2].map(() => new Float32Array(this.pixels));
+    // Parts of a step by which the codes of the shares of red and blue are moved.
+    this.moved = [0.754877666246693, 0.569840290998053].map((step) => Float32Array.from({ length: this.pixels }, (_, p) => ((p * step) % 1) - 0.5));
   }
 
   async light(codes, sizes) {
@@ -85,11 +94,21 @@ class Basis {
     return all.filter(([cell, weight]) => cell >= 0 && weight !== 0);
   }
 
+  // Radiance of a light that follows another over that of its leader.
+  ratio(tie, size) {
+    if (!tie.brought) return tie.factor;
+    const [leader, follower] = tie.brought.map(({ knots, means }, k) => {
+      const weights = this.sizeWeights({ knots: knots && knots.u }, size[k ? tie.light : tie.leader]);
+      return weights.reduce((sum, [cell, weight]) => sum + weight * (means[cell] ?? 0), 0);
+    });
+    return follower > 0 ? (tie.factor * leader) / follower : 0;
+  }
+
   // Pictures of a light alone at radiance 1, at each node of the background's value.
   atNodes(light, size) {
     if (light.atSize === size) return light.nodes;
     light.atSize = size;
-    const n = this.pixels, [y, red, blue] = this.codes(light), exp2 = this.exp2;
+    const n = this.pixels, [y, red, blue] = this.codes(light), exp2 = this.exp2, [ofRed, ofBlue] = this.moved;
     const byRed = 1 / this.data.red_steps, byBlue = 1 / this.data.blue_steps;
     light.nodes.forEach((planes, node) => {
       const [R, G, B] = planes;
@@ -98,7 +117,7 @@ class Basis {
         const first = (node * light.nCells + cell) * n;
         for (let p = 0; p < n; p++) {
           const i = first + p, v = weight * exp2[y[i]];
-          const r = red[i] * byRed, b = blue[i] * byBlue, g = 1 - r - b;
+          const r = Math.max((red[i] + ofRed[p]) * byRed, 0), b = Math.max((blue[i] + ofBlue[p]) * byBlue, 0), g = 1 - r - b;
           R[p] += v * r;
           B[p] += v * b;
           if (g > 0) G[p] += v * g;
@@ -130,7 +149,7 @@ class Basis {
   gain(x, l) {
     const shines = !x.off[l] && (x.solo === null || x.solo === l);
     if (!shines || !(x.radiance[l] > 0)) return null;
-    return x.tint[l].map((tint) => tint * x.radiance[l]);
+    return x.factor[l].map((factor) => factor * x.radiance[l]);
   }
 
   // The picture of a lighting: red, green and blue of each pixel, in memory that the next picture takes.
@@ -156,19 +175,4 @@ class Basis {
       return LUMINANCE.reduce((sum, weight, c) => sum + weight * gain[c] * unit[c][p], 0);
     });
   }
-}
-
-// Linear Rec.709 of luminance 1 of a black body, from its chromaticity by Krystek's rational functions of the
-// temperature (Color Research & Application 10, 1985), clipped to the gamut.
-function blackBody(kelvin) {
-  const t = kelvin, t2 = t * t;
-  const u = (0.860117757 + 1.54118254e-4 * t + 1.28641212e-7 * t2) / (1 + 8.42420235e-4 * t + 7.08145163e-7 * t2);
-  const v = (0.317398726 + 4.22806245e-5 * t + 4.20481691e-8 * t2) / (1 - 2.89741816e-5 * t + 1.61456053e-7 * t2);
-  const x = (3 * u) / (2 * u - 8 * v + 4), y = (2 * v) / (2 * u - 8 * v + 4);
-  const X = x / y, Z = (1 - x - y) / y;
-  // From XYZ to linear Rec.709, IEC 61966-2-1.
-  const rgb = [3.2406 * X - 1.5372 - 0.4986 * Z, -0.9689 * X + 1.8758 + 0.0415 * Z, 0.0557 * X - 0.204 + 1.057 * Z];
-  const kept = rgb.map((c) => Math.max(c, 0));
-  const luminance = kept.reduce((sum, c, i) => sum + c * LUMINANCE[i], 0);
-  return kept.map((c) => c / luminance);
 }

@@ -15,14 +15,15 @@ function build(node, properties, children) {
 const h = (tag, properties, ...children) => build(document.createElement(tag), properties, children);
 const svg = (tag, properties, ...children) => build(document.createElementNS(SVG, tag), properties, children);
 
-const fixed = (v, digits = 3) => (Number.isFinite(v) ? v.toFixed(digits) : "–");
+const minus = (text) => text.replace("-", "−");
+const fixed = (v, digits = 3) => (Number.isFinite(v) ? minus(v.toFixed(digits)) : "–");
 
 // A number with three significant digits and no more zeros than it needs.
 function short(v) {
   if (!Number.isFinite(v)) return "–";
   if (v === 0) return "0";
   const size = Math.abs(v);
-  return size >= 1e5 || size < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toLocaleString("en");
+  return minus(size >= 1e8 || size < 1e-3 ? v.toExponential(2) : Number(v.toPrecision(3)).toLocaleString("en"));
 }
 
 function ticks(low, high, count) {
@@ -35,8 +36,10 @@ function ticks(low, high, count) {
 
 // Lines over a common axis. Each of `series` has a name, a class of colour, points and perhaps half widths of a band;
 // `marks` are points by themselves. `pick` is told the number of the point that is pointed at.
-function chart({ title, series, x, y, width = 720, height = 300, pick, from = 0 }) {
-  const left = 54, right = 14, top = 14, bottom = 40;
+function chart({ title, series, x, y, width: wide = 720, height = 300, pick, from = 0 }) {
+  // On a phone letters keep their size, and there is less between them.
+  const width = Math.min(wide, matchMedia("(max-width: 560px)").matches ? 380 : wide);
+  const left = 54, right = 14, top = 30, bottom = 40;
   const all = series.flatMap((s) => s.points);
   const lastX = Math.max(...all.map((p) => p[0]), from + 1);
   const topY = y.most ?? 1.06 * Math.max(...all.map((p) => p[1]), 1e-6);
@@ -46,8 +49,8 @@ function chart({ title, series, x, y, width = 720, height = 300, pick, from = 0 
   const root = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title, class: "chart" });
   const grid = svg("g", { class: "grid", "aria-hidden": "true" });
   for (const v of ticks(0, topY, 5)) grid.append(svg("line", { x1: left, x2: width - right, y1: atY(v), y2: atY(v) }), svg("text", { x: left - 8, y: atY(v) + 4, "text-anchor": "end" }, y.format ? y.format(v) : String(v)));
-  for (const v of ticks(from, lastX, 6)) grid.append(svg("text", { x: atX(v), y: height - bottom + 18, "text-anchor": "middle" }, x.format ? x.format(v) : String(v)));
-  grid.append(svg("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, x.label));
+  for (const v of ticks(from, lastX, width < 500 ? 4 : 6)) grid.append(svg("text", { x: atX(v), y: height - bottom + 18, "text-anchor": "middle" }, x.format ? x.format(v) : String(v)));
+  grid.append(svg("text", { x: (left + width - right) / 2, y: height - 4, "text-anchor": "middle" }, x.label), svg("text", { x: 2, y: 14 }, y.label));
   root.append(grid);
   for (const s of series) {
     if (s.band) {
@@ -78,9 +81,9 @@ function legend(entries) {
   return h("ul", { class: "legend" }, entries.map(([name, cls]) => h("li", {}, h("span", { class: `swatch ${cls}`, "aria-hidden": "true" }), name)));
 }
 
-// Where a value stands between 0 and 1: a dot, the target as a tick, and the range within reach as a band.
-function gauge({ value, before, target, reach, most = 1 }) {
-  const at = (v) => `${(100 * Math.min(Math.max(v / most, 0), 1)).toFixed(2)}%`;
+// Where a value stands between `least` and `most`: a dot, the target as a tick, and the range within reach as a band.
+function gauge({ value, before, target, reach, least = 0, most = 1 }) {
+  const at = (v) => `${(100 * Math.min(Math.max((v - least) / (most - least), 0), 1)).toFixed(2)}%`;
   const track = h("span", { class: "gauge", "aria-hidden": "true" });
   if (reach) track.append(h("span", { class: "gauge-reach", style: `left:${at(reach.least)};right:calc(100% - ${at(reach.largest)})` }));
   if (before !== undefined) track.append(h("span", { class: "gauge-before", style: `left:${at(before)}` }));

@@ -4,12 +4,19 @@ class Live {
   constructor(basis, view, look) {
     Object.assign(this, { basis, view, look, pixel: null, queued: false });
     this.l = new Float32Array(basis.pixels);
+    this.planes = this.chromaPlanes();
     this.image = new ImageData(basis.width, basis.height);
     this.state = new State(basis, look.result.lights);
     this.state.refer(look.result.found, look.result.start, look.result.authored);
     this.state.now = lightingState(look.result.found);
     this.node = this.panel();
     this.state.listeners.push((settled) => this.changed(settled));
+  }
+
+  // Room for the chroma of a picture; null where the look asks for no colours.
+  chromaPlanes() {
+    const isOfColor = this.look.terms.some((term) => term.is_of_color);
+    return isOfColor ? [new Float32Array(this.basis.pixels), new Float32Array(this.basis.pixels)] : null;
   }
 
   // Shows what the address says, or else the lights found.
@@ -147,21 +154,50 @@ class Live {
     if (sizes.knots) {
       const least = Math.log2(sizes.size / 20), most = Math.log2(sizes.size);
       rows.push(this.slider({ name: "Size", label: `${name}: size`, least, most, step: 0.01,
-        read: () => Math.log2(state.now.size[l]), write: (v) => state.edit((x) => { x.size[l] = Math.min(2 ** v, sizes.size); }),
+        read: () => Math.log2(state.now.size[l]), write: (v) => state.setSize(l, Math.min(2 ** v, sizes.size)),
         say: () => this.extent(facts, state.now.size[l]) }));
     }
-    rows.push(this.slider({ name: "Colour", label: `${name}: colour temperature`, least: 1750, most: 12000, step: 50,
-      read: () => state.now.kelvin[l] ?? 1750, write: (v) => state.edit((x) => { x.kelvin[l] = v <= 1750 ? null : v; }),
-      say: () => (state.now.kelvin[l] === null ? "its own" : `${state.now.kelvin[l]} K`) }));
-    const power = h("span", { class: "power" });
+    rows.push(this.temperature(name, l), this.gel(name, l));
+    const power = h("span", { class: "power" }), mates = state.mates(l).map((mate) => basis.names[mate]);
     this.shown.push(() => { power.textContent = this.power(facts, l); });
     return h("fieldset", { class: `card light-${l % 8}` }, h("legend", {}, h("span", { class: "swatch", "aria-hidden": "true" }), name),
-      h("div", { class: "card-head" }, power, h("span", { class: "toggles" }, solo, mute)), rows);
+      h("div", { class: "card-head" }, power, h("span", { class: "toggles" }, solo, mute)), rows,
+      mates.length ? h("p", { class: "tied" }, `Tied to ${mates.join(", ")}: their radiances move together.`) : null);
+  }
+
+  // The slider of a light's colour temperature. A light whose own colour is not known as one begins with that.
+  temperature(name, l) {
+    const { state, basis } = this, own = basis.data.white[l] ? null : 1750;
+    const at = () => (state.isOwn(l) && own ? own : temperatureOf(state.rgb(l))[0]);
+    const row = this.slider({ name: "Colour", label: `${name}: colour temperature`, least: own ?? 1800, most: 12000, step: 50, read: at,
+      write: (v) => state.edit((x) => { x.color[l] = v === own ? "recorded" : { temperature: { kelvin: v, tint: 0 } }; }),
+      say: () => (state.isOwn(l) && own ? "its own" : colorWords(state.now.color[l], state.rgb(l))) });
+    const seen = h("span", { class: "colour small", "aria-hidden": "true" });
+    this.shown.push(() => { seen.style.background = hexOf(state.rgb(l)); });
+    row.lastChild.before(seen);
+    row.classList.add("with-colour");
+    return row;
+  }
+
+  // The colour of a light as of a gel, for lights whose red, green and blue the run has varied.
+  gel(name, l) {
+    const { state, basis } = this;
+    if (!basis.data.variables.includes(`${name}.red`) && !this.look.result.found.color?.[l]?.rgb) return null;
+    const input = h("input", { type: "color", "aria-label": `${name}: colour of the gel` }), output = h("output", {});
+    input.addEventListener("input", () => state.edit((x) => { x.color[l] = { rgb: [1, 3, 5].map((i) => Math.max(decode(parseInt(input.value.slice(i, i + 2), 16) / 255), 1e-3)) }; }));
+    input.addEventListener("change", () => state.settle());
+    this.shown.push(() => {
+      const seen = hexOf(state.rgb(l));
+      // What is picked may be darker than the same colour at its brightest, and stays as it is.
+      if (document.activeElement !== input) input.value = seen;
+      output.value = seen;
+    });
+    return h("label", { class: "slider" }, h("span", { class: "slider-name" }, "Gel"), input, output);
   }
 
   extent(facts, size) {
     if (!facts.extent) return `× ${fixed(size, 2)}`;
-    const [a, b] = facts.extent.map((e) => Math.round(100 * e * size));
+    const [a, b] = facts.extent.map((e) => short(Number((100 * e * size).toPrecision(2))));
     return a === b ? `${a} cm` : `${a} × ${b} cm`;
   }
 
@@ -183,8 +219,8 @@ class Live {
   // Makes the picture and measures it.
   draw() {
     const begun = performance.now();
-    this.view.show(this.basis.picture(this.state.x), this.state.now.exposure, this.image.data, this.l);
-    this.measured = measure(this.l, this.basis, this.look);
+    this.view.show(this.basis.picture(this.state.x), this.state.now.exposure, this.image.data, this.l, this.planes);
+    this.measured = measure(this.l, this.planes, this.basis, this.look);
     this.paint();
     this.score.value = fixed(this.measured.f_q);
     const found = this.foundScore ?? (this.foundScore = this.measureOf(this.look.result.found).f_q);
@@ -202,17 +238,17 @@ class Live {
 
   // What a lighting measures, without showing it.
   measureOf(lighting) {
-    const l = new Float32Array(this.basis.pixels), bytes = new Uint8ClampedArray(4 * this.basis.pixels);
-    const x = { ...lightingState(lighting), tint: this.basis.names.map(() => NEUTRAL) };
-    this.view.show(this.basis.picture(x), lighting.exposure, bytes, l);
-    return { ...measure(l, this.basis, this.look), l, bytes };
+    const l = new Float32Array(this.basis.pixels), bytes = new Uint8ClampedArray(4 * this.basis.pixels), planes = this.chromaPlanes();
+    const state = lightingState(lighting), x = { ...state, factor: colorFactors(state.color, this.basis, this.look.result.lights) };
+    this.view.show(this.basis.picture(x), lighting.exposure, bytes, l, planes);
+    return { ...measure(l, planes, this.basis, this.look), l, bytes };
   }
 
   drawTerms() {
     const reach = this.look.result.attainable || {};
     if (!this.rows) {
       this.rows = this.look.terms.map((term) => {
-        const track = gauge({ value: 0, target: term.target, reach: reach[term.name], most: term.most });
+        const track = gauge({ value: 0, target: term.target, reach: reach[term.name], least: term.least, most: term.most });
         const value = h("output", { class: "number" });
         this.terms.append(h("div", { class: "term-row" }, h("span", { class: "term-name" }, term.label), track, value));
         return { term, track, value };
@@ -221,7 +257,7 @@ class Live {
     for (const { term, track, value } of this.rows) {
       const measured = this.measured.terms[term.name].value;
       track.move(measured);
-      value.value = term.distance ? fixed(measured) : `${fixed(measured)} → ${fixed(term.target, 2)}`;
+      value.value = term.distance ? fixed(measured) : `${fixed(measured)} → ${fixed(term.target, term.is_of_color ? 3 : 2)}`;
     }
   }
 

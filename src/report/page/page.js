@@ -40,6 +40,7 @@ function brief(look) {
   const lit = result.lights.map((facts, l) => [facts.name, watts(facts, radiance[l], size[l])]);
   const all = look.timing.find(([stage]) => stage === "all");
   const rows = lit.map(([name, w]) => [name, w > 0 ? `${short(w)} W, ${short(683 * w)} lm` : "dark"]);
+  if (result.surroundings) rows.push(["surroundings", result.surroundings]);
   if (result.final_spp) rows.push(["picture", `${options.size.join(" × ")}, noise ${fixed(result.final_noise, 4)}`]);
   if (all) rows.push(["took", `${all[1].toFixed(0)} s`]);
   return rows;
@@ -66,7 +67,7 @@ function iterationsSection(look, live) {
   const canvas = live ? h("canvas", { width: live.basis.width, height: live.basis.height, class: "screen", role: "img", "aria-label": "Picture of this step" }) : null;
   if (canvas) picture.append(canvas);
   const input = h("input", { type: "range", min: 0, max: Math.max(iterations.length - 1, 0), step: 1, value: Math.max(iterations.length - 1, 0), "aria-label": "Step of the search" });
-  const drawing = chart({ title: `f_q and the shares of its terms over ${evaluations.n.length} evaluations`, series, from: 0, x: { label: "evaluation" }, y: {},
+  const drawing = chart({ title: `f_q and the shares of its terms over ${evaluations.n.length} evaluations`, series, from: 0, x: { label: "evaluation" }, y: { label: "f_q, and what each term adds to it" },
     pick: (at) => { choose(nearest(at)); } });
   const nearest = (at) => iterations.reduce((best, it, i) => (Math.abs(it.evaluation - at) < Math.abs(iterations[best].evaluation - at) ? i : best), 0);
   const choose = (i) => {
@@ -91,16 +92,16 @@ function termsSection(look) {
     const r = reach[term.name];
     if (!r) return "not known";
     if (term.distance) return `at least ${fixed(r.floor)}`;
-    const range = `from ${fixed(r.least, 2)} to ${fixed(r.largest, 2)}`;
+    const range = `from ${fixed(r.least, term.is_of_color ? 3 : 2)} to ${fixed(r.largest, term.is_of_color ? 3 : 2)}`;
     return r.floor > 0.001 ? `${range}; the target is out of reach` : `${range}; the target is within reach`;
   };
   const rows = look.terms.map((term) => {
     const now = last[term.name], was = start[term.name];
-    return [h("span", {}, term.label, h("span", { class: "code" }, term.name)), gauge({ value: now.value, before: was.value, target: term.target, reach: reach[term.name], most: term.most }),
+    return [h("span", {}, term.label, h("span", { class: "code" }, term.name)), gauge({ value: now.value, before: was.value, target: term.target, reach: reach[term.name], least: term.least, most: term.most }),
       fixed(was.value), fixed(now.value), term.distance ? "0" : fixed(term.target), fixed(term.weight, 2), fixed(term.weight * now.f), words(term)];
   });
-  return section("terms", "What was wished, and what came of it", table("Terms against their targets", ["term", "0 to its largest value", "start", "result", "target", "weight", "costs", "these lights can give"], rows, ["", "wide", "number", "number", "number", "number", "number", "long"]),
-    h("p", { class: "hint" }, "The dot is the result, the ring the start, the bar the target; shaded is what these lights can give. Brightness is that of a display, from 0 to 1."));
+  return section("terms", "What was wished, and what came of it", table("Terms against their targets", ["term", "where it stands", "start", "result", "target", "weight", "costs", "these lights can give"], rows, ["", "wide", "number", "number", "number", "number", "number", "long"]),
+    h("p", { class: "hint" }, "The dot is the result, the ring the start, the bar the target; shaded is what these lights can give. Brightness is that of a display, from 0 to 1.", report.data.bases[look.basis]?.weights ? " Which pixels are the object’s is said by a picture of weights." : "", look.terms.some((term) => term.is_of_color) ? " Red–green and yellow–blue are a and b of Oklab: 0 is grey, 0.1 a strong colour." : ""));
 }
 
 function histogramSection(look, live) {
@@ -110,7 +111,7 @@ function histogramSection(look, live) {
   // Sixteen codes a bar: single codes of a small picture are mostly noise.
   const density = (q) => Array.from({ length: 16 }, (_, i) => [(i + 0.5) / 16, q[16 * i + 15] - (i ? q[16 * i - 1] : 0)]);
   const axis = { label: "brightness", format: (v) => v.toFixed(1) };
-  const draw = (title, of, now, most) => chart({ title, from: 0, x: axis, y: { most }, width: 540, height: 280, series: [{ class: "wanted", points: of(look.signature.cumulated), area: true }, { class: "before", points: of(start) }, { class: "f_q", points: of(found) }, ...(now ? [{ class: "now", points: of(now) }] : [])] });
+  const draw = (title, of, now, most) => chart({ title, from: 0, x: axis, y: { most, label: title }, width: 540, height: 280, series: [{ class: "wanted", points: of(look.signature.cumulated), area: true }, { class: "before", points: of(start) }, { class: "f_q", points: of(found) }, ...(now ? [{ class: "now", points: of(now) }] : [])] });
   const slots = [h("div", {}), h("div", {})];
   const refresh = (now) => {
     slots[0].replaceChildren(draw("Share of pixels by brightness", density, now));
@@ -126,32 +127,63 @@ function picksSection(look, live) {
   const { picks } = look;
   if (!picks?.each?.length) return null;
   const cards = [{ number: 1, f_q: look.result.f_q, image: look.pictures.found?.src, lighting: look.result.found, lights: "lights.toml", terms: look.result.terms }, ...picks.each].map((pick) => {
-    const brightest = look.result.lights.map((facts, l) => [watts(facts, pick.lighting.radiance[l], pick.lighting.size[l]), facts.name]).filter(([w]) => w > 0).sort((a, b) => b[0] - a[0]);
-    const words = brightest.slice(0, 3).map(([w, name]) => `${name} ${short(w)} W`).join(", ");
-    const inner = [pick.image ? h("img", { src: pick.image, alt: `Lighting ${pick.number}` }) : null, h("span", { class: "pick-title" }, `${pick.number}`, h("span", { class: "number" }, `f_q ${fixed(pick.f_q)}`)), h("span", { class: "pick-words" }, words), h("span", { class: "pick-words" }, look.terms.map((term) => `${term.label} ${fixed(pick.terms[term.name].value, 2)}`).join(", "))];
+    const brightest = look.result.lights.map((facts, l) => [watts(facts, pick.lighting.radiance[l], pick.lighting.size[l]), facts.name, l]).filter(([w]) => w > 0).sort((a, b) => b[0] - a[0]);
+    const words = brightest.slice(0, 3).map(([w, name, l]) => `${name} ${short(w)} W${pick.lighting.color?.length ? `, ${colorWords(pick.lighting.color[l], look.result.lights[l].color)}` : ""}`).join(" · ");
+    const measured = look.terms.flatMap((term) => [h("span", {}, term.label), h("span", { class: "number" }, fixed(pick.terms[term.name].value, term.is_of_color ? 3 : 2))]);
+    const inner = [pick.image ? h("img", { src: pick.image, alt: `Lighting ${pick.number}` }) : null, h("span", { class: "pick-title" }, `${pick.number}`, h("span", { class: "number" }, `f_q ${fixed(pick.f_q)}`)), h("span", { class: "pick-words" }, words), h("span", { class: "pick-terms" }, measured)];
     return h("li", {}, live ? h("button", { type: "button", class: "pick", onclick: () => { live.replace(pick.lighting); document.getElementById("live").scrollIntoView({ behavior: "smooth" }); } }, inner) : h("div", { class: "pick" }, inner));
   });
   return section("choose", "Lightings to choose from", h("p", {}, `${picks.each.length + 1} lightings whose f_q is within ${picks.within} of the best and that look different: their small pictures differ by ${picks.different} of white or more.`, live ? " Choose one to move its lights above." : ""), h("ol", { class: "picks" }, cards),
     h("p", { class: "hint" }, "Number 3 at full size: ", h("code", {}, `lightopt-embree render --pick 3 ${look.directory}`)));
 }
 
+// Fronts between two aims, which `scan --pareto` has written into the run's directory.
+function frontsSection({ fronts, directory }) {
+  if (!fronts?.length) return null;
+  const each = fronts.map(({ aims, plot, pictures }) => h("div", { class: "front" },
+    h("figure", {}, h("img", { src: plot.src, width: plot.width, height: plot.height, alt: `Front between ${aims.join(" and ")}` })),
+    h("ol", { class: "picks" }, pictures.map(({ image, lights }) => h("li", {}, h("div", { class: "pick" }, h("img", { src: image, alt: `Picture of ${lights}` }), h("span", { class: "pick-title" }, lights)))))));
+  return section("fronts", "Between two aims", h("p", {}, "Lightings of which none is better in one aim without being worse in the other, from end to end."), each,
+    h("p", { class: "hint" }, "One at full size: ", h("code", {}, `lightopt-embree render --lights ${directory}/${fronts[0].pictures[0].lights} SCENE`)));
+}
+
 function lightsSection(look) {
   const { result } = look, place = (p) => (p ? p.map((v) => fixed(v, 2)).join(", ") : "–");
   const setup = new Map((result.lamps || []).map((lamp) => [lamp.name, lamp.setup]));
-  const swatch = (rgb) => h("span", { class: "colour", style: `background:rgb(${rgb.map((c) => Math.round(255 * encode(c / Math.max(...rgb)))).join()})`, role: "img", "aria-label": `linear Rec.709 ${rgb.map((c) => c.toFixed(2)).join(", ")}` });
   const change = (before, after, say = short) => h("span", { class: "change" }, h("span", { class: "was" }, say(before)), " → ", say(after));
+  const colored = (facts, l, lighting) => {
+    const color = lighting.color?.[l] ?? "recorded", rgb = color === "recorded" ? facts.color : factorOf(color);
+    return { words: colorWords(color, facts.color), swatch: h("span", { class: "colour", style: `background:${hexOf(rgb)}`, "aria-hidden": "true" }) };
+  };
+  const ties = report.data.bases[look.basis]?.ties || [];
   const rows = result.lights.map((facts, l) => {
     const [a, b] = [result.start, result.found], lamp = setup.get(facts.name);
     const [wa, wb] = [a, b].map((x) => watts(facts, x.radiance[l], x.size[l]));
-    const size = (s) => (facts.extent ? facts.extent.map((e) => `${Math.round(100 * e * s)}`).join(" × ") : "");
-    const stands = lamp ? `${fixed(lamp.azimuth, 0)}° around, ${fixed(lamp.elevation, 0)}° up, ${fixed(lamp.distance, 2)} m away` : place(facts.position);
-    return [h("span", {}, facts.name, h("span", { class: "code" }, facts.beam ? `${facts.type}, beam ${fixed(facts.beam, 0)}°` : facts.type)), [swatch(facts.color)], change(a.radiance[l], b.radiance[l]), facts.extent ? change(a.size[l], b.size[l], size) : "–", change(wa, wb), change(683 * wa, 683 * wb), stands];
+    const size = (s) => [...new Set((facts.extent || []).map((e) => short(100 * e * s)))].join(" × ");
+    const [was, is] = [a, b].map((x) => colored(facts, l, x));
+    const colour = was.words === is.words ? [is.swatch, " ", is.words] : [was.swatch, h("span", { class: "was" }, ` ${was.words} → `), is.swatch, ` ${is.words}`];
+    const stands = [facts.moved_from ? change(facts.moved_from, facts.position, place) : place(facts.position), lamp ? h("span", { class: "code" }, `${fixed(Math.abs(lamp.azimuth), 0)}° ${lamp.azimuth < 0 ? "left" : "right"}, ${fixed(lamp.elevation, 0)}° up, ${fixed(lamp.distance, 2)} m away`) : null];
+    const tied = ties.filter((tie) => tie.light === l).map((tie) => `, follows ${result.lights[tie.leader].name}`);
+    const kind = (facts.beam ? `${facts.type}, beam ${fixed(facts.beam, 0)}°` : facts.type) + tied.join("");
+    return [h("span", {}, facts.name, h("span", { class: "code" }, kind)), h("span", { class: "colours" }, colour), change(a.radiance[l], b.radiance[l]), facts.extent ? change(a.size[l], b.size[l], size) : "–", change(wa, wb), change(683 * wa, 683 * wb), stands];
   });
-  const background = result.has_background ? h("p", {}, `Background: value ${fixed(result.start.value, 2)} → ${fixed(result.found.value, 2)}. Exposure ${short(result.found.exposure)}.`) : null;
-  const placed = setup.size > 0;
-  return section("lights", "The lights", table("Lights before and after", ["light", "colour", "radiance", "size, cm", "power, W", "flux, lm", placed ? "where it stands" : "position, m"], rows, ["", "", "number", "number", "number", "number", "number"]), background,
+  const [start, found] = [result.start, result.found];
+  const rest = [result.has_background ? `Background: value ${fixed(start.value, 2)} → ${fixed(found.value, 2)}.` : "",
+    start.exposure === found.exposure ? `Exposure ${short(found.exposure)}.` : `Exposure ${short(start.exposure)} → ${short(found.exposure)}.`,
+    result.surroundings ? `Surroundings: ${result.surroundings}.` : ""];
+  return section("lights", "The lights", table("Lights before and after", ["light", "colour", "radiance", "size, cm", "power, W", "flux, lm", "where it stands, m"], rows, ["", "", "number", "number", "number", "number", "number"]), h("p", {}, rest.filter(Boolean).join(" ")),
     h("p", { class: "hint" }, "Radiance in W·m⁻²·sr⁻¹ (a point: W·sr⁻¹; a distant light: W·m⁻²); lumens at 683 lm/W, as modelling programs count."),
+    environmentsTable(look),
     look.plan ? h("figure", { class: "plan" }, h("img", { src: look.plan, alt: "Plan of the set from above and from the side" }), h("figcaption", {}, "The set from above and from the side, to scale.")) : null);
+}
+
+// The surroundings that were compared, best first.
+function environmentsTable({ environments }) {
+  if (!environments) return null;
+  const [head, ...rows] = environments, column = (name) => head.indexOf(name);
+  const at = (row, name, digits) => fixed(Number(row[column(name)]), digits);
+  const cells = rows.map((row) => [row[column("environment")], `${at(row, "rotation", 0)}°`, short(Number(row[column("radiance")])), `${at(row, "f_q", 3)} ± ${at(row, "f_q_error", 3)}`]);
+  return [h("h3", {}, "Surroundings that were tried"), table("Surroundings that were tried", ["picture", "turned by", "radiance", "f_q"], cells, ["", "number", "number", "number"])];
 }
 
 function madeSection(look) {
@@ -194,7 +226,7 @@ async function show(look, hash) {
   await new Promise((resolve) => setTimeout(resolve));
   report.firstPicture ??= performance.now();
   if (report.look !== look) return;
-  const rest = [termsSection(look), histogramSection(look, live), iterationsSection(look, live), lightsSection(look), madeSection(look)];
+  const rest = [termsSection(look), histogramSection(look, live), iterationsSection(look, live), frontsSection(look), lightsSection(look), madeSection(look)];
   main.append(...rest.filter(Boolean));
 }
 

@@ -86,30 +86,38 @@ class View {
     Object.assign(this, { name, lattice, luminance });
   }
 
-  // Code values in [0, 1] of an exposed linear colour, into `out`.
-  codes(rgb, out) {
+  // Code values and display-linear light in [0, 1] of an exposed linear colour, into `codes` and `light`.
+  display(rgb, codes, light) {
     if (this.name === "linear") {
-      for (let c = 0; c < 3; c++) out[c] = Math.min(Math.max(rgb[c], 0), 1);
+      for (let c = 0; c < 3; c++) {
+        codes[c] = Math.min(Math.max(rgb[c], 0), 1);
+        light[c] = decode(codes[c]);
+      }
       return;
     }
-    if (this.lattice) this.lattice.display(rgb, out);
-    else if (this.name === "pbr-neutral") neutral(rgb, out);
-    else for (let c = 0; c < 3; c++) out[c] = rgb[c];
-    for (let c = 0; c < 3; c++) out[c] = encode(out[c]);
+    if (this.lattice) this.lattice.display(rgb, light);
+    else if (this.name === "pbr-neutral") neutral(rgb, light);
+    else for (let c = 0; c < 3; c++) light[c] = rgb[c];
+    for (let c = 0; c < 3; c++) {
+      light[c] = Math.min(Math.max(light[c], 0), 1);
+      codes[c] = encode(light[c]);
+    }
   }
 
-  // The bytes that a display shows of a picture, and the display luminance that is measured.
-  show([R, G, B], exposure, bytes, l) {
-    const rgb = [0, 0, 0], out = [0, 0, 0], plain = this.name === "srgb", linear = this.luminance === "linear";
+  // The bytes that a display shows of a picture, the display luminance that is measured, and where `planes` are given
+  // the chroma.
+  show([R, G, B], exposure, bytes, l, planes) {
+    const rgb = [0, 0, 0], codes = [0, 0, 0], light = [0, 0, 0], plain = this.name === "srgb", linear = this.luminance === "linear";
     for (let p = 0; p < R.length; p++) {
       rgb[0] = exposure * R[p];
       rgb[1] = exposure * G[p];
       rgb[2] = exposure * B[p];
-      this.codes(rgb, out);
-      for (let c = 0; c < 3; c++) bytes[4 * p + c] = Math.round(255 * out[c]);
+      this.display(rgb, codes, light);
+      for (let c = 0; c < 3; c++) bytes[4 * p + c] = Math.round(255 * codes[c]);
       bytes[4 * p + 3] = 255;
+      if (planes) chroma(light, planes, p);
       // The view srgb clips luminance, every other one channels.
-      const shown = plain ? rgb : out.map(decode);
+      const shown = plain ? rgb : light;
       const y = LUMINANCE[0] * shown[0] + LUMINANCE[1] * shown[1] + LUMINANCE[2] * shown[2];
       l[p] = linear ? Math.min(Math.max(y, 0), 1) : encode(y);
     }
