@@ -197,7 +197,7 @@ mod tests {
         // Of one mean, with noise of .2 that halves do not share.
         let noisy = |sign: f64| {
             let half = |period: usize| {
-                (0..64).map(|i| 0.5 + if i / period % 2 == 0 { sign } else { -sign }).collect()
+                (0..64).map(|i| 0.5 + if (i / period).is_multiple_of(2) { sign } else { -sign }).collect()
             };
             [half(1), half(2)]
         };
