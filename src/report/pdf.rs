@@ -120,7 +120,9 @@ impl<'f> Pdf<'f> {
     /// Adds the outline of a letter, whose points `to` puts on the page.
     fn letter(&mut self, curves: &[OutlineCurve], to: impl Fn(Point) -> [f32; 2]) {
         let mut at: Option<Point> = None;
-        for curve in curves {
+        // A contour may end with a line of no length.
+        let has_length = |curve: &&OutlineCurve| !matches!(curve, OutlineCurve::Line(a, b) if a == b);
+        for curve in curves.iter().filter(has_length) {
             let (from, end) = match *curve {
                 OutlineCurve::Line(a, b) | OutlineCurve::Quad(a, _, b) | OutlineCurve::Cubic(a, _, _, b) => {
                     (a, b)

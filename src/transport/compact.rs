@@ -523,10 +523,10 @@ mod tests {
                 let y = luminance(b);
                 assert!((0..3).all(|c| f64::from((a[c] - b[c]).abs()) < 0.12 * y + 1e-9), "{a:?} {b:?}");
             }
-            // In their recorded colours the picture is another one.
+            // In their recorded colours the picture is another one, by more than is allowed above.
             let recorded = basis.picture(&Lighting { color: Vec::new(), ..x.clone() }).rgb;
             let differs = |(a, b): (&[f32; 3], &[f32; 3])| {
-                (0..3).any(|c| f64::from((a[c] - b[c]).abs()) > 0.3 * luminance(*b))
+                (0..3).any(|c| f64::from((a[c] - b[c]).abs()) > 0.15 * luminance(*b))
             };
             assert!(open.picture(&x).iter().zip(&recorded).any(differs));
         }
