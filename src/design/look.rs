@@ -10,14 +10,21 @@ use super::{
     alternatives::{Alternative, Ground},
     attainable,
     evaluator::Evaluator,
+    growing::Wanted,
     pictures::{attribute, write_found, write_pick},
     precision::{AIMED_SAMPLES, MAX_SAMPLES, MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
+    seeds::{Purpose, seed_for},
     setup::{Found, Setup, Task},
     working_basis::WorkingBasis,
 };
 use crate::{
-    audit::picture, film::exr::ExrImage, objective::JackknifeEstimate, optim::StopReason,
+    audit::picture,
+    film::{exr::ExrImage, image_file::LinearImage},
+    integrator::RenderError,
+    lighting::{Lighting, SamplingPlan},
+    objective::JackknifeEstimate,
+    optim::StopReason,
     variables::ParamVector,
 };
 
@@ -27,6 +34,10 @@ pub const MAX_REFOCUS: u32 = 4;
 /// Upper bound of the times that samples are added for the tolerance: by a factor of 2.5 at most each,
 /// six lead from 16 samples to [`MAX_SAMPLES`].
 const MAX_ADDITIONS: u32 = 6;
+
+/// Samples per pixel of the small pictures of lightings to choose from: denoised, those of the fruit basket then show
+/// no grain, and take a second for four of them.
+const CHOICE_SPP: u32 = 16;
 
 /// Next step of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -185,8 +196,7 @@ impl LookSearch<'_, '_> {
         Ok((index, Found { u, check, evaluations, stop: cut_short.unwrap_or(stop), reach, alternatives }))
     }
 
-    /// Finds lightings to choose from, and writes each with its picture from the basis; none when it is cancelled on
-    /// the way.
+    /// Finds lightings to choose from, and writes each with its small picture; none when it is cancelled on the way.
     fn alternatives(
         &mut self,
         now: &WorkingBasis,
@@ -197,13 +207,45 @@ impl LookSearch<'_, '_> {
         let [whole, reduced] = evaluators(now, setup, self.task);
         let best = (self.best.u.as_slice(), self.best.estimate.evaluation.f_q);
         let found = Ground { whole: &whole, reduced: &reduced }.find(&self.trials, best, cancelled)?;
-        for (i, alternative) in found.iter().enumerate() {
-            let shown = now.shown(&setup.lighting(&alternative.u), setup.features);
-            write_pick(self.task, i + 2, &alternative.u, &shown, setup)?;
+        let Some(shown) = small_pictures(&found, setup, cancelled)? else { return Ok(Vec::new()) };
+        for (i, (alternative, shown)) in found.iter().zip(&shown).enumerate() {
+            write_pick(self.task, i + 2, &alternative.u, shown, setup)?;
         }
         self.log_time("alternatives", clock)?;
         Ok(found)
     }
+}
+
+/// Small pictures of lightings to choose from, as many rendered together as may be: the samples of the basis are aimed
+/// at the best lights, and few of them show small lights elsewhere. `None` when it is cancelled on the way.
+fn small_pictures(
+    found: &[Alternative],
+    setup: Setup,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Option<Vec<LinearImage>>, RunError> {
+    let lightings: Vec<Lighting> = found.iter().map(|a| setup.lighting(&a.u)).collect();
+    let view = setup.view();
+    let even = vec![1.0; setup.scene.lights.len()];
+    let mut shown = Vec::new();
+    for group in lightings.chunks(SamplingPlan::MAX_TOGETHER) {
+        let each: Vec<&Lighting> = group.iter().collect();
+        let weighted: Vec<(&Lighting, &[f32])> = group.iter().map(|x| (x, even.as_slice())).collect();
+        let plan = SamplingPlan::for_pictures(&weighted);
+        let seed = seed_for(setup.options.seed, Purpose::Choices);
+        let wanted = Wanted { view, lightings: &each, plan: &plan, seed, spp: CHOICE_SPP };
+        let grown = match setup.renderer().grow(&wanted, &cancelled, &()) {
+            Err(RenderError::Cancelled) => return Ok(None),
+            other => other?,
+        };
+        if cancelled() {
+            return Ok(None);
+        }
+        shown.extend((0..group.len()).map(|k| {
+            let denoised = setup.features.map(|features| grown.denoised(k, features));
+            picture::beauty(&denoised.unwrap_or_else(|| grown.picture(k)))
+        }));
+    }
+    Ok(Some(shown))
 }
 
 /// Evaluators of f_q on the whole picture and on the reduced one; twice the same where there is no reduced

@@ -17,6 +17,8 @@ pub(super) enum Purpose {
     Places,
     /// Lightings in which a small copy of the basis is compared with it.
     Copy,
+    /// Small pictures of lightings to choose from.
+    Choices,
 }
 
 /// Seed for a purpose, from the seed of the run.
