@@ -30,7 +30,7 @@ pub const STEPS: f64 = 40.0;
 /// Code of the light 1; 0 is no light, and 1 is 2^-51.
 pub const ONE: u16 = 2049;
 /// Steps of the share of red in the luminance: half of one is 2 % of the red of white light. What pixels of one
-/// colour have in common is not rounded alike, see [`moved`].
+/// colour have in common is not rounded alike: rounding is moved by a share of a step that differs from pixel to pixel.
 pub const RED_STEPS: f64 = 128.0;
 /// Steps of the share of blue: half of one is 1.4 % of the blue of white light.
 pub const BLUE_STEPS: f64 = 512.0;

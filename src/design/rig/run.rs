@@ -46,7 +46,7 @@ pub struct Order<'a> {
 /// each has lamps of its own.
 ///
 /// # Errors
-/// As [`find`] and [`design::run`].
+/// As the search for places and [`design::run`].
 pub fn run(scene: Scene, order: &Order, reporter: &impl Reporter) -> Result<Vec<RunReport>, RunError> {
     let start = Instant::now();
     let deadline = Deadline::new(start, order.options.time_limit);
