@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{
     RunError,
-    alternatives::{Alternative, Ground},
+    alternatives::{Alternative, Ground, WITHIN},
     attainable,
     evaluator::Evaluator,
     growing::Wanted,
@@ -23,7 +23,7 @@ use crate::{
     film::{exr::ExrImage, image_file::LinearImage},
     integrator::RenderError,
     lighting::{Lighting, SamplingPlan},
-    objective::JackknifeEstimate,
+    objective::{JackknifeEstimate, LABELLINGS, Objective, Replicates},
     optim::StopReason,
     variables::ParamVector,
 };
@@ -36,8 +36,8 @@ pub const MAX_REFOCUS: u32 = 4;
 const MAX_ADDITIONS: u32 = 6;
 
 /// Samples per pixel of the small pictures of lightings to choose from: denoised, those of the fruit basket then show
-/// no grain, and take a second for four of them.
-const CHOICE_SPP: u32 = 16;
+/// no grain, and take two seconds for four of them.
+const CHOICE_SPP: u32 = 32;
 
 /// Next step of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -207,22 +207,35 @@ impl LookSearch<'_, '_> {
         let [whole, reduced] = evaluators(now, setup, self.task);
         let best = (self.best.u.as_slice(), self.best.estimate.evaluation.f_q);
         let found = Ground { whole: &whole, reduced: &reduced }.find(&self.trials, best, cancelled)?;
-        let Some(shown) = small_pictures(&found, setup, cancelled)? else { return Ok(Vec::new()) };
-        for (i, (alternative, shown)) in found.iter().zip(&shown).enumerate() {
+        let Some(seen) = small_pictures(&found, &self.task.objective, setup, cancelled)? else {
+            return Ok(Vec::new());
+        };
+        // What was found on the basis is low by what its noise pretended there.
+        let mut found: Vec<(Alternative, LinearImage)> = found
+            .into_iter()
+            .zip(seen)
+            .map(|(alternative, (shown, estimate))| (Alternative { estimate, ..alternative }, shown))
+            .filter(|(alternative, _)| alternative.estimate.evaluation.f_q <= best.1 + WITHIN)
+            .collect();
+        found.sort_by(|(a, _), (b, _)| a.estimate.evaluation.f_q.total_cmp(&b.estimate.evaluation.f_q));
+        for (i, (alternative, shown)) in found.iter().enumerate() {
             write_pick(self.task, i + 2, &alternative.u, shown, setup)?;
         }
+        let found: Vec<Alternative> = found.into_iter().map(|(alternative, _)| alternative).collect();
         self.log_time("alternatives", clock)?;
         Ok(found)
     }
 }
 
-/// Small pictures of lightings to choose from, as many rendered together as may be: the samples of the basis are aimed
-/// at the best lights, and few of them show small lights elsewhere. `None` when it is cancelled on the way.
+/// Small pictures of lightings to choose from with their f_q, as many rendered together as may be: the samples of the
+/// basis are aimed at the best lights, and few of them show small lights elsewhere. `None` when it is cancelled on the
+/// way.
 fn small_pictures(
     found: &[Alternative],
+    objective: &Objective,
     setup: Setup,
     cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Option<Vec<LinearImage>>, RunError> {
+) -> Result<Option<Vec<(LinearImage, JackknifeEstimate)>>, RunError> {
     let lightings: Vec<Lighting> = found.iter().map(|a| setup.lighting(&a.u)).collect();
     let view = setup.view();
     let even = vec![1.0; setup.scene.lights.len()];
@@ -240,10 +253,15 @@ fn small_pictures(
         if cancelled() {
             return Ok(None);
         }
-        shown.extend((0..group.len()).map(|k| {
+        for (k, x) in group.iter().enumerate() {
             let denoised = setup.features.map(|features| grown.denoised(k, features));
-            picture::beauty(&denoised.unwrap_or_else(|| grown.picture(k)))
-        }));
+            let picture = picture::beauty(&denoised.unwrap_or_else(|| grown.picture(k)));
+            let measure = setup.options.measure;
+            let widen = |plane: Vec<f32>| plane.into_iter().map(f64::from).collect::<Vec<f64>>();
+            let linear = grown.planes(k, measure).map(widen);
+            let replicates = Replicates { linear: &linear, measure, exposure: x.exposure };
+            shown.push((picture, replicates.measure(objective, LABELLINGS)?));
+        }
     }
     Ok(Some(shown))
 }
