@@ -1,6 +1,6 @@
 //! `scan --pareto`: the front between two aims, as a table, a plot and small pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use plotters::prelude::*;
@@ -13,7 +13,7 @@ use crate::{
     audit::{lights::LightsFile, picture, stored::About, write_whole},
     design::{
         evaluator::Evaluator,
-        pareto::{Aim, FrontPoint, front},
+        pareto::{Aim, FrontPoint, front, power},
     },
     files::csv_file,
     film::image_file::write_view_png,
@@ -72,14 +72,8 @@ pub fn pareto(args: &ScanArgs, names: &[String]) -> anyhow::Result<()> {
         least_sizes: &[],
     };
     let found = front(&evaluator, &aims, args.steps as usize, SEED)?;
-    let in_units: Vec<[f64; 2]> = found
-        .iter()
-        .map(|p| {
-            std::array::from_fn(|k| {
-                p.values[k] * if let Aim::Power { unit, .. } = &aims[k] { *unit } else { 1.0 }
-            })
-        })
-        .collect();
+    let in_units: Vec<[f64; 2]> =
+        found.iter().map(|p| std::array::from_fn(|k| p.values[k] * aims[k].unit())).collect();
     write_whole(&args.output, table([a, b], &found, &in_units, &variables)?)?;
     let plot_path = args.output.with_extension("png");
     write_whole(&plot_path, plot([a, b], &in_units)?)?;
@@ -122,12 +116,8 @@ fn read_aims(
                         args.basis.display()
                     );
                 }
-                let lights: Vec<(f64, bool)> = about.watts.clone();
-                let x = about.lighting();
-                let of = |(l, &(watts, grows)): (usize, &(f64, bool))| {
-                    watts * x.radiance[l] * if grows { x.size[l] * x.size[l] } else { 1.0 }
-                };
-                let unit = lights.iter().enumerate().map(of).sum::<f64>();
+                let lights = about.watts.clone();
+                let unit = power(&lights, &about.lighting());
                 Aim::Power { lights, unit: if unit > 0.0 { unit } else { 1.0 } }
             }
             Some(term) => {
@@ -205,17 +195,11 @@ fn pictures(
         let path = args.output.with_file_name(format!("{stem}-{:02}.png", k + 1));
         let size = [basis.layout().size.x, basis.layout().size.y].map(|n| n as usize);
         let features = about.features.as_ref().and_then(|features| features.read(size));
-        let shown =
-            features.and_then(|features| basis.denoised(&x, &features)).unwrap_or_else(|| basis.picture(&x));
-        write_view_png(&path, &picture::beauty(&shown), x.exposure, evaluator.measure.view)?;
+        let shown = picture::beauty(&basis.shown(&x, features.as_ref()));
+        write_view_png(&path, &shown, x.exposure, evaluator.measure.view)?;
         let lights = LightsFile::of_basis(about, basis.layout(), &x).seen_through(evaluator.measure.view);
-        write_lights(&path.with_extension("toml"), &lights)?;
+        write_whole(&path.with_extension("toml"), toml::to_string(&lights)?)?;
         paths.push(path);
     }
     Ok(paths)
-}
-
-fn write_lights(path: &Path, lights: &LightsFile) -> anyhow::Result<()> {
-    write_whole(path, toml::to_string(lights)?)?;
-    Ok(())
 }

@@ -6,14 +6,13 @@ use anyhow::bail;
 use serde::Deserialize;
 
 use crate::{
+    audit::MANIFEST,
     design::manifest,
     files::{text, toml_file},
     import,
+    integrator::IntegratorKind,
     math::ViewTransform,
 };
-
-/// Name of the record in the directory of a run.
-const RECORD: &str = "run.toml";
 
 /// The scene and the lights of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -24,6 +23,22 @@ pub struct Recorded {
     pub lights: PathBuf,
     /// View through which the run measured.
     pub view: ViewTransform,
+    /// How the final picture was rendered.
+    pub pictures: RecordedPictures,
+}
+
+/// How the final picture of a run is rendered.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+pub struct RecordedPictures {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Samples per pixel at most.
+    pub final_spp: u32,
+    /// Whether the pictures are denoised; those of runs that do not say so are not.
+    #[serde(default)]
+    pub denoise: bool,
+    /// Integrator of the run.
+    pub integrator: IntegratorKind,
 }
 
 /// The keys of the record that are asked for; the others are for people.
@@ -42,6 +57,8 @@ struct SceneRecord {
 #[derive(Deserialize)]
 struct OptionsRecord {
     view: ViewTransform,
+    #[serde(flatten)]
+    pictures: RecordedPictures,
 }
 
 impl Recorded {
@@ -54,13 +71,13 @@ impl Recorded {
         if !directory.is_dir() {
             return Ok(None);
         }
-        let file = directory.join(RECORD);
+        let file = directory.join(MANIFEST);
         if !file.is_file() {
             // The ending of a scene may be left out, and its name be that of a directory too.
             if import::find(directory).is_ok() {
                 return Ok(None);
             }
-            bail!("{}: a directory without {RECORD} is not one of a run", directory.display());
+            bail!("{}: a directory without {MANIFEST} is not one of a run", directory.display());
         }
         let record: Record = toml_file::parse(&file, &text::read(&file)?)?;
         let whole = std::path::absolute(directory)?;
@@ -80,6 +97,7 @@ impl Recorded {
             say(&format!("{}: the scene or its sidecar has changed since the run", scene.display()));
         }
         let lights = directory.join("lights.toml");
-        Ok(Some(Self { scene: scene.clone(), lights, view: record.options.view }))
+        let OptionsRecord { view, pictures } = record.options;
+        Ok(Some(Self { scene: scene.clone(), lights, view, pictures }))
     }
 }

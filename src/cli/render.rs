@@ -12,6 +12,7 @@ use super::{
         CameraArgs, ConfinementArgs, TransportArgs, ViewArgs, load_lit_scene, needs_lights, parse_exposure,
         parse_size, parse_spp,
     },
+    output::say,
     pick,
     progress::Console,
     signals,
@@ -118,18 +119,18 @@ pub struct RenderArgs {
 pub fn render(args: &RenderArgs) -> anyhow::Result<()> {
     let Some(number) = args.pick else { return render_lit(args) };
     let run = &args.scene;
-    let picked = pick::resolve(run, number.into())?;
+    let picked = pick::resolve(run, number.into(), say)?;
     let mut args = args.clone();
     if args.transport.kind.0 == IntegratorKind::default() {
-        args.transport.kind.0 = picked.integrator;
+        args.transport.kind.0 = picked.pictures.integrator;
     }
     let args = RenderArgs {
         output: args.output.or_else(|| Some(run.join(format!("pick-{number}.png")))),
         scene: picked.scene,
         lights: Some(picked.lights),
-        spp: args.spp.or(Some(picked.spp)),
-        size: args.size.or(Some(picked.size)),
-        denoise: args.denoise || picked.denoise,
+        spp: args.spp.or(Some(picked.pictures.final_spp)),
+        size: args.size.or(Some(UVec2::from_array(picked.pictures.size))),
+        denoise: args.denoise || picked.pictures.denoise,
         ..args
     };
     render_lit(&args)

@@ -41,7 +41,9 @@ pub fn report(args: &ReportArgs) -> anyhow::Result<()> {
 /// lightings; `say` hears where. A run whose pages cannot be written is as good without.
 pub(super) fn refresh(directories: &[&Path], running: bool, say: &impl Fn(&str)) {
     for run in directories {
-        let written = report::contact_sheet(run).and_then(|()| report::write(run, running));
+        // What is offered does not change after lights are found.
+        let drawn = if running { report::contact_sheet(run) } else { Ok(()) };
+        let written = drawn.and_then(|()| report::write(run, running));
         say_written(written, running, say);
     }
     if let [first, _, ..] = directories

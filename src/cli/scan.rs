@@ -14,6 +14,7 @@ use super::{
 use crate::{
     audit::{lights::LightsFile, write_whole},
     design::evaluator::Evaluator,
+    figures::canvas::take_font,
     files::{csv_file, nearest},
     math::{Measure, ViewTransform},
     objective::{JackknifeEstimate, LABELLINGS, Term},
@@ -222,9 +223,7 @@ fn plot(name: &str, target: &str, here: f64, rows: &[(f64, JackknifeEstimate)]) 
 
 /// A PNG that `draw` draws on white.
 pub(super) fn png_of(draw: impl FnOnce(&Canvas) -> anyhow::Result<()>) -> anyhow::Result<Vec<u8>> {
-    // The font is part of the program: a headless machine may have none.
-    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-        .map_err(|_| anyhow::anyhow!("cannot read the font"))?;
+    take_font()?;
     let mut pixels = vec![0_u8; (PLOT.0 * PLOT.1 * 3) as usize];
     {
         let root = BitMapBackend::with_buffer(&mut pixels, PLOT).into_drawing_area();

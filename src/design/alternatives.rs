@@ -2,7 +2,9 @@
 //!
 //! The ends of the search, and of more descents from starts that it passed over, are measured on the whole
 //! picture. Of those whose f_q is within [`WITHIN`] of the best, the one that differs most from all that are
-//! taken already is taken next, until none differs by [`DIFFERENT`] any more.
+//! taken already is taken next, until none differs by [`DIFFERENT`] any more. Those are rendered together, for
+//! their small pictures and for their f_q: the samples of the basis are aimed at the best lights, so that few show
+//! small lights elsewhere, and what is sought on them is low by what their noise pretends there.
 
 use std::ops::Range;
 
@@ -10,16 +12,21 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::{
-    RunReport,
+    RunError, RunReport,
     evaluator::Evaluator,
+    growing::Wanted,
+    pictures::widened,
     search::{self, Trial},
+    seeds::{Purpose, seed_for},
     setup::Setup,
 };
 use crate::{
-    audit::{MAX_PICKS, pick_stem},
-    lighting::Lighting,
+    audit::{MAX_PICKS, pick_stem, picture},
+    film::image_file::LinearImage,
+    integrator::RenderError,
+    lighting::{Lighting, SamplingPlan},
     math::Measure,
-    objective::JackknifeEstimate,
+    objective::{JackknifeEstimate, LABELLINGS, Objective, Replicates},
     optim::OptimError,
     transport::{Recombination, Tables, TransportBasis},
 };
@@ -34,6 +41,10 @@ pub const DIFFERENT: f64 = 0.04;
 /// Starts that descend beside those of the search, best first: twice as many as the search itself has. With 48 the
 /// fruit basket offered as many lightings as may be.
 const MORE_STARTS: usize = 32;
+
+/// Samples per pixel of their small pictures: denoised, those of the fruit basket then show no grain, and take two
+/// seconds for four of them.
+const SPP: u32 = 32;
 
 /// A lighting to choose.
 #[derive(Clone, Debug)]
@@ -56,8 +67,7 @@ pub struct Ground<'e, 'a> {
 }
 
 impl Ground<'_, '_> {
-    /// Lightings that differ from the best one and from each other, from the least f_q on; none when it is cancelled on
-    /// the way. `best` is the best one, with its f_q.
+    /// Lightings that differ from the best one and from each other; none when it is cancelled on the way. `best` is the best one, with its f_q.
     ///
     /// # Errors
     /// When NLopt fails.
@@ -90,12 +100,12 @@ impl Ground<'_, '_> {
         let good: Vec<(&Vec<f64>, JackknifeEstimate)> = good.collect();
         let pictures: Vec<[Vec<f64>; 2]> = good.par_iter().map(|(u, _)| self.small(u)).collect();
         let taken = farthest(&self.small(best), &pictures, self.reduced.basis.layout().n_pixels());
-        let mut found: Vec<Alternative> = taken
-            .into_iter()
-            .map(|(i, distance)| Alternative { u: good[i].0.clone(), estimate: good[i].1.clone(), distance })
-            .collect();
-        found.sort_by(|a, b| a.estimate.evaluation.f_q.total_cmp(&b.estimate.evaluation.f_q));
-        Ok(found)
+        let alternative = |(i, distance): (usize, f64)| Alternative {
+            u: good[i].0.clone(),
+            estimate: good[i].1.clone(),
+            distance,
+        };
+        Ok(taken.into_iter().map(alternative).collect())
     }
 
     /// What is shown of the reduced picture of a point, by each half of the samples.
@@ -152,6 +162,50 @@ fn farthest(first: &[Vec<f64>; 2], pictures: &[[Vec<f64>; 2]], n_pixels: usize) 
         }
     }
     taken
+}
+
+/// Lightings that were found, with f_q of new samples and their small pictures: those whose f_q is within the `limit`,
+/// from the least on; none when it is cancelled on the way. As many as may be are rendered together.
+///
+/// # Errors
+/// When a render fails.
+pub(super) fn measured(
+    found: Vec<Alternative>,
+    limit: f64,
+    objective: &Objective,
+    setup: Setup,
+    cancelled: &(impl Fn() -> bool + Sync),
+) -> Result<Vec<(Alternative, LinearImage)>, RunError> {
+    let even = vec![1.0; setup.scene.lights.len()];
+    let mut seen = Vec::new();
+    for group in found.chunks(SamplingPlan::MAX_TOGETHER) {
+        let lightings: Vec<Lighting> = group.iter().map(|a| setup.lighting(&a.u)).collect();
+        let each: Vec<&Lighting> = lightings.iter().collect();
+        let weighted: Vec<(&Lighting, &[f32])> = lightings.iter().map(|x| (x, even.as_slice())).collect();
+        let plan = SamplingPlan::for_pictures(&weighted);
+        let seed = seed_for(setup.options.seed, Purpose::Choices);
+        let wanted = Wanted { view: setup.view(), lightings: &each, plan: &plan, seed, spp: SPP };
+        let grown = match setup.renderer().grow(&wanted, &cancelled, &()) {
+            Err(RenderError::Cancelled) => return Ok(Vec::new()),
+            other => other?,
+        };
+        if cancelled() {
+            return Ok(Vec::new());
+        }
+        for (k, (alternative, x)) in group.iter().zip(&lightings).enumerate() {
+            let measure = setup.options.measure;
+            let linear = grown.planes(k, measure).map(widened);
+            let replicates = Replicates { linear: &linear, measure, exposure: x.exposure };
+            let estimate = replicates.measure(objective, LABELLINGS)?;
+            if estimate.evaluation.f_q <= limit {
+                let denoised = setup.features.map(|features| grown.denoised(k, features));
+                let shown = picture::beauty(&denoised.unwrap_or_else(|| grown.picture(k)));
+                seen.push((Alternative { estimate, ..alternative.clone() }, shown));
+            }
+        }
+    }
+    seen.sort_by(|(a, _), (b, _)| a.estimate.evaluation.f_q.total_cmp(&b.estimate.evaluation.f_q));
+    Ok(seen)
 }
 
 /// What is said of the lightings to choose from in `result.json`.

@@ -7,24 +7,17 @@ use serde_json::{Value, json};
 
 use super::{
     RunError,
-    alternatives::{Alternative, Ground, WITHIN},
+    alternatives::{self, Alternative, Ground, WITHIN},
     attainable,
     evaluator::Evaluator,
-    growing::Wanted,
     pictures::{attribute, write_found, write_pick},
     precision::{AIMED_SAMPLES, MAX_SAMPLES, MIN_SAMPLES, Precision},
     search::{self, Polished, Trial},
-    seeds::{Purpose, seed_for},
     setup::{Found, Setup, Task},
     working_basis::WorkingBasis,
 };
 use crate::{
-    audit::picture,
-    film::{exr::ExrImage, image_file::LinearImage},
-    integrator::RenderError,
-    lighting::{Lighting, SamplingPlan},
-    objective::{JackknifeEstimate, LABELLINGS, Objective, Replicates},
-    optim::StopReason,
+    audit::picture, film::exr::ExrImage, objective::JackknifeEstimate, optim::StopReason,
     variables::ParamVector,
 };
 
@@ -34,10 +27,6 @@ pub const MAX_REFOCUS: u32 = 4;
 /// Upper bound of the times that samples are added for the tolerance: by a factor of 2.5 at most each,
 /// six lead from 16 samples to [`MAX_SAMPLES`].
 const MAX_ADDITIONS: u32 = 6;
-
-/// Samples per pixel of the small pictures of lightings to choose from: denoised, those of the fruit basket then show
-/// no grain, and take two seconds for four of them.
-const CHOICE_SPP: u32 = 32;
 
 /// Next step of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -207,63 +196,14 @@ impl LookSearch<'_, '_> {
         let [whole, reduced] = evaluators(now, setup, self.task);
         let best = (self.best.u.as_slice(), self.best.estimate.evaluation.f_q);
         let found = Ground { whole: &whole, reduced: &reduced }.find(&self.trials, best, cancelled)?;
-        let Some(seen) = small_pictures(&found, &self.task.objective, setup, cancelled)? else {
-            return Ok(Vec::new());
-        };
-        // What was found on the basis is low by what its noise pretended there.
-        let mut found: Vec<(Alternative, LinearImage)> = found
-            .into_iter()
-            .zip(seen)
-            .map(|(alternative, (shown, estimate))| (Alternative { estimate, ..alternative }, shown))
-            .filter(|(alternative, _)| alternative.estimate.evaluation.f_q <= best.1 + WITHIN)
-            .collect();
-        found.sort_by(|(a, _), (b, _)| a.estimate.evaluation.f_q.total_cmp(&b.estimate.evaluation.f_q));
+        let limit = best.1 + WITHIN;
+        let found = alternatives::measured(found, limit, &self.task.objective, setup, cancelled)?;
         for (i, (alternative, shown)) in found.iter().enumerate() {
             write_pick(self.task, i + 2, &alternative.u, shown, setup)?;
         }
-        let found: Vec<Alternative> = found.into_iter().map(|(alternative, _)| alternative).collect();
         self.log_time("alternatives", clock)?;
-        Ok(found)
+        Ok(found.into_iter().map(|(alternative, _)| alternative).collect())
     }
-}
-
-/// Small pictures of lightings to choose from with their f_q, as many rendered together as may be: the samples of the
-/// basis are aimed at the best lights, and few of them show small lights elsewhere. `None` when it is cancelled on the
-/// way.
-fn small_pictures(
-    found: &[Alternative],
-    objective: &Objective,
-    setup: Setup,
-    cancelled: &(impl Fn() -> bool + Sync),
-) -> Result<Option<Vec<(LinearImage, JackknifeEstimate)>>, RunError> {
-    let lightings: Vec<Lighting> = found.iter().map(|a| setup.lighting(&a.u)).collect();
-    let view = setup.view();
-    let even = vec![1.0; setup.scene.lights.len()];
-    let mut shown = Vec::new();
-    for group in lightings.chunks(SamplingPlan::MAX_TOGETHER) {
-        let each: Vec<&Lighting> = group.iter().collect();
-        let weighted: Vec<(&Lighting, &[f32])> = group.iter().map(|x| (x, even.as_slice())).collect();
-        let plan = SamplingPlan::for_pictures(&weighted);
-        let seed = seed_for(setup.options.seed, Purpose::Choices);
-        let wanted = Wanted { view, lightings: &each, plan: &plan, seed, spp: CHOICE_SPP };
-        let grown = match setup.renderer().grow(&wanted, &cancelled, &()) {
-            Err(RenderError::Cancelled) => return Ok(None),
-            other => other?,
-        };
-        if cancelled() {
-            return Ok(None);
-        }
-        for (k, x) in group.iter().enumerate() {
-            let denoised = setup.features.map(|features| grown.denoised(k, features));
-            let picture = picture::beauty(&denoised.unwrap_or_else(|| grown.picture(k)));
-            let measure = setup.options.measure;
-            let widen = |plane: Vec<f32>| plane.into_iter().map(f64::from).collect::<Vec<f64>>();
-            let linear = grown.planes(k, measure).map(widen);
-            let replicates = Replicates { linear: &linear, measure, exposure: x.exposure };
-            shown.push((picture, replicates.measure(objective, LABELLINGS)?));
-        }
-    }
-    Ok(Some(shown))
 }
 
 /// Evaluators of f_q on the whole picture and on the reduced one; twice the same where there is no reduced

@@ -76,6 +76,15 @@ pub struct FrontPoint {
 }
 
 impl Aim {
+    /// What a value of 1 stands for: a power in watts, or f_q itself.
+    #[must_use]
+    pub fn unit(&self) -> f64 {
+        match self {
+            Self::Look(_) => 1.0,
+            Self::Power { unit, .. } => *unit,
+        }
+    }
+
     /// Value at the point `u`, with its gradient; `scratch` has the images of `u`.
     fn evaluate<'a>(
         &'a self,
@@ -120,8 +129,10 @@ impl Aim {
     }
 }
 
-/// Power of all lights together.
-fn power(lights: &[(f64, bool)], x: &Lighting) -> f64 {
+/// Power of all lights together in a lighting: of each its power at radiance 1 and size 1, W, and whether it grows with
+/// the square of its size.
+#[must_use]
+pub fn power(lights: &[(f64, bool)], x: &Lighting) -> f64 {
     let of = |(l, &(watts, grows)): (usize, &(f64, bool))| {
         let size = if grows { x.size[l] } else { 1.0 };
         watts * size * size * x.radiance[l]
@@ -225,7 +236,7 @@ impl Known {
         Ok(())
     }
 
-    /// Those ends of which no other is better in one aim and as good in the other, by rising value of the first.
+    /// Ends of descents of which none is dominated by another, by rising value of the first aim.
     fn not_dominated(&self) -> Vec<FrontPoint> {
         not_dominated(self.ends.clone())
     }
@@ -241,7 +252,8 @@ fn measured(
     Ok(points.into_iter().zip(values).map(|(u, values)| FrontPoint { u, values }).collect())
 }
 
-/// Those points of which no other is better in one aim and as good in the other, by rising value of the first.
+/// Points of which none is dominated by another, which is better in one aim and as good in the other, by rising value
+/// of the first aim.
 fn not_dominated(mut points: Vec<FrontPoint>) -> Vec<FrontPoint> {
     let by = |p: &FrontPoint| (p.values[0], p.values[1]);
     points.sort_by(|a, b| by(a).partial_cmp(&by(b)).unwrap_or(std::cmp::Ordering::Equal));

@@ -339,7 +339,7 @@ fn look_at(
 }
 
 /// The same numbers with more digits.
-fn widened(values: Vec<f32>) -> Vec<f64> {
+pub(super) fn widened(values: Vec<f32>) -> Vec<f64> {
     values.into_iter().map(f64::from).collect()
 }
 

@@ -576,8 +576,7 @@ impl WorkingBasis {
     /// Picture of a lighting for people to look at, denoised where there are features to do it by.
     #[must_use]
     pub fn shown(&self, x: &Lighting, features: Option<&Features>) -> LinearImage {
-        let denoised = features.and_then(|features| self.basis.denoised(x, features));
-        picture::beauty(&denoised.unwrap_or_else(|| self.basis.picture(x)))
+        picture::beauty(&self.basis.shown(x, features))
     }
 
     /// f_q as a function of the variables.

@@ -45,7 +45,7 @@ pub struct ExportOptions<'a> {
 pub(super) struct Pose {
     /// Unit vectors of the thing's x, y and z.
     pub axes: [Vec3; 3],
-    /// Its place in the coordinates of the scene file, metres.
+    /// Place of the thing in the coordinates of the scene file, metres.
     pub at: DVec3,
 }
 
@@ -103,16 +103,14 @@ impl<'a> ExportJob<'a> {
 
     /// The scene's lights, lit, in the scene's order.
     pub fn lights(&self) -> impl Iterator<Item = LitLight<'a>> + Clone + use<'a> {
-        let settings = self.lighting.radiance.iter().zip(&self.lighting.size);
-        let lit = |(light, (&radiance, &size)): (&'a Light, (&f64, &f64))| LitLight {
+        let lighting = self.lighting;
+        let lit = move |(l, light): (usize, &'a Light)| LitLight {
             light,
-            color: light.color,
-            radiance: radiance as f32,
-            size: size as f32,
+            color: light.color * lighting.color_of(l).gain().map_or(Rgb::ONE, Rgb::from_array),
+            radiance: lighting.radiance[l] as f32,
+            size: lighting.size[l] as f32,
         };
-        let color = |l: usize| self.lighting.color_of(l).gain().map_or(Rgb::ONE, Rgb::from_array);
-        let lights = self.view.scene.lights.iter().zip(settings).map(lit).enumerate();
-        lights.map(move |(l, lit)| LitLight { color: lit.light.color * color(l), ..lit })
+        self.view.scene.lights.iter().enumerate().map(lit)
     }
 
     /// Factor on the base colour's image of the material at `index`, or the base colour

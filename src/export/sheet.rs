@@ -88,8 +88,8 @@ pub(super) fn stem(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 
-/// Writes the picture of the surroundings as `{stem}.exr`, with the light's colour and radiance multiplied in
-/// where `radiance` says so, and returns its name.
+/// Writes the picture of the surroundings, times a factor, as `{stem}.exr`, and returns the file's name; `None` where
+/// the surroundings have no picture.
 pub(super) fn surroundings(
     directory: &mut Directory,
     stem: &str,

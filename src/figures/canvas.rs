@@ -61,6 +61,15 @@ pub struct Canvas {
 /// pixels, which spaces small ones unevenly.
 pub const SCALE: i32 = 3;
 
+/// Lets plots be written with the font that is part of the program: a headless machine may have none.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn take_font() -> Result<(), FigureError> {
+    plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
+        .map_err(|_| FigureError::Font)
+}
+
 impl Canvas {
     /// Draws on white; lengths given to the functions of this module are in pixels of the
     /// canvas, those given to `area` itself [`SCALE`] times as long.
@@ -71,9 +80,7 @@ impl Canvas {
         (width, height): (u32, u32),
         draw: impl FnOnce(&Area) -> Result<(), FigureError>,
     ) -> Result<Self, FigureError> {
-        // The font is part of the program: a headless machine may have none.
-        plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-            .map_err(|_| FigureError::Font)?;
+        take_font()?;
         let size = (width * SCALE as u32, height * SCALE as u32);
         let mut large = RgbImage::from_pixel(size.0, size.1, image::Rgb([255; 3]));
         let area = BitMapBackend::with_buffer(&mut large, size).into_drawing_area();

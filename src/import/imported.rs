@@ -52,7 +52,7 @@ pub struct Imported {
 pub struct LostLamp {
     /// Name of the node.
     pub name: String,
-    /// Its place, in the file's coordinates.
+    /// Place of the node, in the file's coordinates.
     pub position: DVec3,
     /// A point ahead of it, to which a lamp would shine.
     pub look_at: DVec3,

@@ -27,7 +27,7 @@ const BISECTIONS: u32 = 30;
 pub struct Glow {
     /// Linear Rec.709 of luminance 1.
     pub rgb: [f64; 3],
-    /// Its derivative by the temperature, 1/K.
+    /// Derivative of each channel of the colour by the temperature, 1/K.
     pub by_kelvin: [f64; 3],
 }
 

@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::{ReportError, gather, live, pdf::Pdf};
 use crate::{
     audit::live::Live,
-    figures::canvas::{Canvas, FigureError, INK, SCALE},
+    figures::canvas::{Canvas, FigureError, INK, SCALE, take_font},
     lighting::Lighting,
     math::Measure,
     objective::Statistics,
@@ -133,8 +133,7 @@ pub fn plot(run: &Path, what: What, format: Format) -> Result<Vec<u8>, ReportErr
             Ok(Canvas::drawn(SIZE, |area| plot.draw(area, SCALE).map_err(FigureError::from))?.png()?)
         }
         Format::Pdf => {
-            plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-                .map_err(|_| FigureError::Font)?;
+            take_font()?;
             let font = FontRef::try_from_slice(dejavu::sans::regular()).map_err(|_| FigureError::Font)?;
             let size = (SIZE.0 * SCALE as u32, SIZE.1 * SCALE as u32);
             let page = Rc::new(RefCell::new(Pdf::new(size, POINTS / f64::from(SCALE), font)));
@@ -145,8 +144,7 @@ pub fn plot(run: &Path, what: What, format: Format) -> Result<Vec<u8>, ReportErr
         }
         Format::Svg => {
             // Letters are measured with the font of the other figures.
-            plotters::style::register_font("sans-serif", FontStyle::Normal, dejavu::sans::regular())
-                .map_err(|_| FigureError::Font)?;
+            take_font()?;
             let mut text = String::new();
             let area = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
             let fail = |e: String| ReportError::Draw(e);

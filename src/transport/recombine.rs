@@ -433,6 +433,12 @@ impl TransportBasis {
         Some(denoise_picture(features, &self.half_pictures(x)?))
     }
 
+    /// The picture of a lighting for people to look at: without its noise where there are features to tell it by.
+    #[must_use]
+    pub fn shown(&self, x: &Lighting, features: Option<&Features>) -> Picture {
+        features.and_then(|features| self.denoised(x, features)).unwrap_or_else(|| self.picture(x))
+    }
+
     /// Pictures of a lighting, each the mean over one of the `parts` of the replicates.
     fn pictures<const N: usize>(&self, x: &Lighting, parts: [Range<usize>; N]) -> [Picture; N] {
         let layout = self.layout();

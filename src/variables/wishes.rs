@@ -64,7 +64,8 @@ pub struct Tie {
     pub light: usize,
     /// Index of the light that it follows.
     pub leader: usize,
-    /// Its radiance over the leader's, or with `brought` what it brings over what the leader brings.
+    /// Radiance of the follower over that of the leader, or with `brought` what the follower brings to the main object
+    /// over what the leader brings.
     pub factor: f64,
     /// What leader and follower bring to the main object, where that depends on free sizes.
     #[serde(default, skip_serializing_if = "Option::is_none")]

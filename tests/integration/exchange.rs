@@ -369,7 +369,8 @@ fn the_directory_of_a_run_is_exported_with_its_lights() {
     let write = |name: &str, text: &str| fs::write(room.directory.path().join(name), text).unwrap();
     write(
         "runs/r/run.toml",
-        "schema = 1\n[scene]\npath = \"room.obj\"\ncontent = \"0\"\n[options]\nview = \"filmic\"\n",
+        "schema = 1\n[scene]\npath = \"room.obj\"\ncontent = \"0\"\n[options]\nview = \"filmic\"\n\
+         size = [16, 12]\nfinal_spp = 4\nintegrator = \"bdpt\"\n",
     );
     write("runs/r/lights.toml", "schema = 1\n[[lights]]\nname = \"bulb\"\nradiance = 7.0\n");
     for from in [room.directory.path(), Path::new("/")] {

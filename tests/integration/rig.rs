@@ -124,6 +124,26 @@ fn lights_are_moved_unless_they_must_stay() {
 }
 
 #[test]
+fn lamps_are_searched_for_the_weights_in_the_place_of_the_mask() {
+    // The floor of the front left corner is to be lit, and nothing else: the lamp that does so is not that which
+    // lights the main object.
+    let room = Room::with(OBJ, MTL, &dark());
+    let weights = |x: u32, y: u32| image::Luma([if x < 16 && y >= 24 { 255 } else { 0 }]);
+    image::GrayImage::from_fn(48, 36, weights).save(room.path("w.png")).unwrap();
+    let words = ["--lamps", "1", "--target", "low-key", "--weights", "w.png"];
+    room.succeed(&run(&[&words[..], &["--out", "corner"]].concat()));
+    room.succeed(&run(&[&words[..4], &["--out", "object"]].concat()));
+    let evaluate = |run: &str| -> f64 {
+        let picture = format!("{run}/final.exr");
+        let words = ["evaluate", &picture, "--target", "low-key", "--weights", "w.png", "--json"];
+        let told: serde_json::Value = serde_json::from_slice(&room.succeed(&words).stdout).unwrap();
+        told["f_q"].as_f64().unwrap()
+    };
+    let [corner, object] = ["corner", "object"].map(evaluate);
+    assert!(corner < object - 0.05, "{corner} {object}");
+}
+
+#[test]
 fn a_map_shows_where_a_lamp_would_help() {
     let room = Room::with(OBJ, MTL, &dark());
     let size = ["--work-size", "24x18", "--target", "low-key"];

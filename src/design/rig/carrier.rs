@@ -24,6 +24,7 @@ use crate::{
     lighting::{Lighting, SampleCounts, SamplingPlan},
     math::{Measure, measure::COLOUR_PLANES},
     objective::{Objective, ObjectiveError, Target},
+    photo::weights::Weights,
     scene::Scene,
     transport::{Layout, Recombination, SizeBins, Source, Tables, TransportBasis, ValueNodes, splat_memory},
     variables::{Constraints, Fitted, FreeKinds, LightConstraints, ParamVector, Survey, Variable},
@@ -90,6 +91,8 @@ pub struct Carrier<L = Lamp> {
     measure: Measure,
     /// Mask of the main object in the pictures, and in the reduced ones.
     masks: [(UVec2, Vec<bool>); 2],
+    /// Weights in the place of the masks, where there are any.
+    weights: Option<Weights>,
 }
 
 /// Some lights of a carrier with their variables.
@@ -139,6 +142,8 @@ pub struct Commission<'a> {
     pub free: &'a FreeKinds,
     /// Upper bound of the memory, bytes.
     pub memory: u64,
+    /// Weights in the place of the mask of the main object, where there are any.
+    pub weights: Option<&'a Weights>,
     /// Samples that every lamp has in a pixel, all replicates together.
     pub samples: u32,
     /// Samples of a pixel at least, whatever lamps have.
@@ -159,6 +164,7 @@ impl<'a> Commission<'a> {
             work_size: options.work_size,
             free: &options.free,
             memory: options.memory,
+            weights: options.weights.as_ref(),
             samples: SAMPLES,
             least_spp: 1,
             seed: seed_for(options.seed, Purpose::Places),
@@ -226,7 +232,8 @@ impl<L: Candidate> Carrier<L> {
         let variables = variables(&scene, &fitted, &commission, (&reduced, &masks[1].1));
         let fixed = dark(&fitted.lighting, n_own);
         let measure = renderer.measure;
-        let carrier = Self { n_own, lamps, basis, reduced, variables, fixed, measure, masks };
+        let weights = commission.weights.cloned();
+        let carrier = Self { n_own, lamps, basis, reduced, variables, fixed, measure, masks, weights };
         Ok((carrier, scene))
     }
 
@@ -237,7 +244,7 @@ impl<L: Candidate> Carrier<L> {
     pub fn objectives(&self, target: &Target) -> Result<[Objective; 2], ObjectiveError> {
         let [whole, reduced] = &self.masks;
         let of = |(size, mask): &(UVec2, Vec<bool>)| {
-            Objective::new(target, size.x as usize, size.y as usize, mask)
+            Weights::objective(self.weights.as_ref(), target, size.to_array().map(|n| n as usize), mask)
         };
         Ok([of(whole)?, of(reduced)?])
     }

@@ -99,6 +99,7 @@ pub fn map(scene: Scene, survey: Survey, reporter: &impl Reporter) -> Result<Map
         work_size,
         free: &free,
         memory,
+        weights: None,
         samples: SAMPLES,
         least_spp: 1,
         seed,

@@ -30,7 +30,7 @@ use crate::{
     light::{Environment, Light, LightColor, RadianceMap, Shape, Surroundings},
     lighting::{Lighting, SamplingPlan},
     math::{Rgb, hash::hash_words},
-    objective::Objective,
+    photo::weights::Weights,
     scene::Scene,
     variables::{Constraints, Fitted, LightConstraints},
 };
@@ -416,7 +416,8 @@ impl Checker<'_> {
         let picture = renderer.render(view, lighting, &plan, budget, reporter)?;
         let [width, height] = options.work_size.to_array().map(|n| n as usize);
         let mask = aov::trace(view, lighting.value as f32).mask;
-        let objective = Objective::new(&self.job.target, width, height, &mask)?;
+        let weights = options.weights.as_ref();
+        let objective = Weights::objective(weights, &self.job.target, [width, height], &mask)?;
         let estimate = picture.measure(&objective)?.estimate;
         Ok([estimate.evaluation.f_q, estimate.error_bar()])
     }

@@ -2,6 +2,10 @@
 
 use std::io::Write as _;
 
+use gltf_json::{
+    accessor::{FLOAT, UNSIGNED_INT},
+    buffer::{ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER},
+};
 use serde_json::{Value, json};
 
 use crate::{
@@ -17,12 +21,6 @@ use crate::{
         texture::{Texture, Wrap},
     },
 };
-
-/// Numbers by which the format names types of components and targets of buffers.
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
-const ARRAY_BUFFER: u32 = 34962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
 /// Meshes and materials under way.
 pub(super) struct Surfaces<'a> {

@@ -245,7 +245,7 @@ fn view(mesh: &Mesh, is_main: &[bool], obstacles: &Obstacles, azimuth: Option<f3
         let view = frame::frame(&points, a);
         let share = obstacles.visible_share(&points, view.eye);
         if share >= MIN_VISIBLE {
-            if obstacles.framed_share(&view) >= MIN_FRAMED {
+            if obstacles.is_empty() || obstacles.framed_share(&view) >= MIN_FRAMED {
                 return view;
             }
             first.get_or_insert(view);

@@ -41,6 +41,11 @@ impl Obstacles {
         Ok(Self { accel: Some(accel) })
     }
 
+    /// Whether there is nothing but the main object.
+    pub fn is_empty(&self) -> bool {
+        self.accel.is_none()
+    }
+
     /// Share in [0, 1] of the segment from `from` to `to` before the first obstacle; 1 without any.
     pub fn free_share(&self, from: Vec3, to: Vec3) -> f32 {
         let Some(accel) = &self.accel else { return 1.0 };

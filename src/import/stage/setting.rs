@@ -41,7 +41,6 @@ const BOUNDARY: f32 = 0.02;
 const ROOM_SHARE: f32 = 0.7;
 /// Least share of a room's area on the scene's bounding box where its walls are so thick that their inner sides
 /// do not lie there: the outer sides of a room of 4 x 5 x 3 m with walls of 30 cm are 0.57 of its area.
-/// Interval 0.1 to 0.5.
 const SHELL_SHARE: f32 = 0.4;
 /// Least horizontal extents of the inner side of a room's thick walls, over those of the scene: walls of 30 cm
 /// leave 0.7 of a room 2 m wide.
