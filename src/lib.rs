@@ -32,6 +32,7 @@
 //! | [`lighting`] | what a picture of a scene varies, and what steers its samples |
 //! | [`film`] | contributions to pictures; EXR, PNG |
 //! | [`integrator`] | path tracing, bidirectional path tracing |
+//! | [`canvas`] | drawings: text, lines, pictures pasted on them |
 //! | [`denoise`] | pictures without noise: a regression on features that keeps sums |
 //! | [`transport`] | the transport basis: one render from which every lighting follows |
 //! | [`variables`] | the free variables, their bounds, scales and starts |
@@ -183,6 +184,7 @@ pub mod audit;
 pub mod bench;
 pub mod bsdf;
 pub mod camera;
+pub mod canvas;
 pub mod cli;
 pub mod denoise;
 pub mod design;

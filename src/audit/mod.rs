@@ -36,6 +36,8 @@ pub const MANIFEST: &str = "run.toml";
 pub const STAGING: &str = "staging.toml";
 /// Name of the plan of the set of lamps that the program placed.
 pub const PLAN: &str = "plan.svg";
+/// Stems of the names of the maps of where a lamp would help, at the start and with the lamps that were placed.
+pub const MAPS: [&str; 2] = ["where-start", "where-found"];
 /// Name of the table of surroundings that were compared.
 pub const ENVIRONMENTS: &str = "environments.csv";
 /// Name of the transport basis of a run.
@@ -235,7 +237,7 @@ fn is_ours(name: &str) -> bool {
     if let Some(destination) = temporary_of(name) {
         return is_ours(destination);
     }
-    const NAMES: [&str; 19] = [
+    const NAMES: [&str; 20] = [
         MANIFEST,
         STAGING,
         BASIS,
@@ -254,11 +256,14 @@ fn is_ours(name: &str) -> bool {
         "found.png",
         "lights.toml",
         PLAN,
+        "plan.png",
         ENVIRONMENTS,
     ];
     let iteration = name.strip_prefix("iter_").and_then(|n| n.strip_suffix(".exr"));
     let stem = name.strip_suffix(".toml").or(name.strip_suffix(".png"));
+    let map = MAPS.iter().find_map(|stem| name.strip_prefix(stem));
     NAMES.contains(&name)
+        || map.is_some_and(|ending| [".png", ".csv", ".exr"].contains(&ending))
         || iteration.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()))
         || stem.is_some_and(|stem| (2..=MAX_PICKS).any(|n| stem == pick_stem(n)))
 }

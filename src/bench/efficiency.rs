@@ -20,11 +20,9 @@ use super::{
     subject::{Rendered, Subject},
 };
 use crate::{
+    canvas::Canvas,
     design::Reporter,
-    figures::{
-        Canvas,
-        table::{Entry, Table},
-    },
+    figures::table::{Entry, Table},
     integrator::IntegratorKind,
 };
 

@@ -31,7 +31,7 @@ pub mod subject;
 use std::{io, path::PathBuf};
 
 use crate::{
-    audit::AuditError, embree::EmbreeError, export::ExportError, figures::FigureError, import::ImportError,
+    audit::AuditError, canvas::FigureError, embree::EmbreeError, export::ExportError, import::ImportError,
     integrator::RenderError,
 };
 

@@ -3,10 +3,7 @@
 use plotters::style::{Color, RGBColor};
 
 use super::spread::Spread;
-use crate::figures::{
-    Canvas, FigureError,
-    canvas::{Anchor, Area, FAINT, INK, bar, line, text},
-};
+use crate::canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, bar, line, text};
 
 /// A measured number as a bar, its range as a line.
 #[derive(Clone, Debug)]

@@ -5,10 +5,7 @@ use std::{fs, path::Path};
 use serde_json::{Value, json};
 
 use super::{BenchError, machine::Machine};
-use crate::{
-    audit::write_whole,
-    figures::{Canvas, table::Table},
-};
+use crate::{audit::write_whole, canvas::Canvas, figures::table::Table};
 
 /// What a part has measured.
 #[derive(Debug)]

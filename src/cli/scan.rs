@@ -13,8 +13,8 @@ use super::{
 };
 use crate::{
     audit::{lights::LightsFile, write_whole},
+    canvas::take_font,
     design::evaluator::Evaluator,
-    figures::canvas::take_font,
     files::{csv_file, nearest},
     math::{Measure, ViewTransform},
     objective::{JackknifeEstimate, LABELLINGS, Term},

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::{alternatives::Alternative, attainable::Reach, noise::Noise, rig::Rig};
 use crate::{
     audit::{AuditError, placed::Description},
+    canvas::FigureError,
     files::number::Bytes,
     film::{exr::ExrError, image_file::ImageFileError},
     import::radiance_map::MapError,
@@ -204,6 +205,8 @@ pub enum RunError {
     NoPlace,
     #[error("cannot read the surroundings again")]
     Surroundings(#[source] MapError),
+    #[error(transparent)]
+    Figure(#[from] FigureError),
     #[error("cannot write a table")]
     Table(#[from] csv::Error),
     #[error("cannot write the manifest")]

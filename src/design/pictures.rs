@@ -12,7 +12,7 @@ use super::{
     setup::{Setup, Task},
 };
 use crate::{
-    audit::{ENVIRONMENTS, PLAN, lights::LightsFile, pick_stem, picture, write_whole},
+    audit::{ENVIRONMENTS, lights::LightsFile, pick_stem, picture, write_whole},
     denoise::Layer,
     film::{
         exr::{write_exr, write_exr_plain},
@@ -44,7 +44,7 @@ pub(super) fn write_found(
     if let Some(rig) = setup.rig {
         rig.describe(&mut file, setup.scene, &lighting);
         match &rig.sky {
-            None => write_whole(&task.job.out.join(PLAN), rig.plan(setup.scene, &lighting))?,
+            None => rig.write_plan(setup.scene, &lighting, &task.job.out)?,
             Some(sky) => write_whole(&task.job.out.join(ENVIRONMENTS), sky.table()?)?,
         }
     }

@@ -167,6 +167,9 @@ fn begin<'a>(
     let source = (record.subject.path, record.content);
     let manifest = manifest::text(setup, source, &job.target)?;
     let mut dir = RunDir::create(&job.out, setup.options.force, &manifest)?;
+    if let Some(rig) = setup.rig {
+        rig.write_maps(job.target.name(), &job.out)?;
+    }
     dir.log_timing(&json!({"command": setup.options.command}))?;
     dir.log_timing(&json!({"stage": "survey", "seconds": record.surveyed.as_secs_f64()}))?;
     let means = [Term::MeanObj, Term::MeanBack].map(|t| job.target.target(t));

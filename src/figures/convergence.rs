@@ -10,10 +10,12 @@ use serde_json::Value;
 
 use super::{
     LOOKS,
-    canvas::{Anchor, Area, Canvas, FigureError, INK, SCALE, dot, line, text},
     table::{Entry, Table},
 };
-use crate::design::Gradient;
+use crate::{
+    canvas::{Anchor, Area, Canvas, FigureError, INK, SCALE, dot, line, text},
+    design::Gradient,
+};
 
 /// An evaluation of f_q in a search.
 #[derive(Clone, Copy, Debug, PartialEq)]

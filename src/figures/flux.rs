@@ -6,12 +6,10 @@
 use glam::UVec2;
 use serde_json::Value;
 
-use super::{
-    canvas::displayed,
-    grid::{Cell, Grid, Row},
-};
+use super::grid::{Cell, Grid, Row};
 use crate::{
     audit::products::Products,
+    canvas::displayed,
     film::Picture,
     integrator::{Integrator, Observer, RenderError, View, aov},
     light::{Light, Outline, SizeDensity},

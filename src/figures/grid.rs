@@ -3,7 +3,7 @@
 
 use image::RgbImage;
 
-use super::canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, length, text};
+use crate::canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, length, text};
 
 /// A picture of a grid, with its caption.
 #[derive(Clone, Debug)]

@@ -8,14 +8,13 @@
 //! | --- | --- |
 //! | [`study`] | the scenes with what is free in them, and outcomes of their runs |
 //! | [`published`] | numbers printed in the paper |
-//! | [`canvas`], [`grid`] | labelled pictures side by side |
+//! | [`grid`] | labelled pictures side by side |
 //! | [`flux`] | one light at several sizes and fluxes |
 //! | [`table`], [`tables`] | CSV, LaTeX and HTML |
 //! | [`reached`], [`convergence`] | plots of terms within reach, and of f_q along a search |
 //! | [`page`] | one self-contained HTML page |
 //! | [`manifest`] | the list of all files with their hashes |
 
-pub mod canvas;
 pub mod convergence;
 pub mod flux;
 pub mod grid;
@@ -27,7 +26,6 @@ pub mod study;
 pub mod table;
 pub mod tables;
 
-pub use canvas::{Canvas, FigureError};
 pub use study::{LOOKS, Outcome, STUDIES, Study};
 
 /// A figure or table that can be made.

@@ -4,10 +4,8 @@ use std::fmt::Write as _;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 
-use super::{
-    FigureError,
-    table::{Table, html_words},
-};
+use super::table::{Table, html_words};
+use crate::canvas::FigureError;
 
 /// A part of a page.
 #[derive(Clone, Debug)]

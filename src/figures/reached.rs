@@ -2,12 +2,11 @@
 
 use plotters::prelude::*;
 
-use super::{
-    LOOKS, Outcome,
+use super::{LOOKS, Outcome, published};
+use crate::{
     canvas::{Anchor, Area, Canvas, FAINT, FigureError, INK, bar, dot, line, text},
-    published,
+    objective::Term,
 };
-use crate::objective::Term;
 
 /// Width and height of a panel, pixels.
 const PANEL: (i32, i32) = (286, 168);

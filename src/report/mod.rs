@@ -46,7 +46,7 @@ pub enum ReportError {
     #[error("{path}: cannot show the picture", path = path.display())]
     Picture { path: PathBuf, source: image::ImageError },
     #[error("cannot draw the sheet of lightings")]
-    Figure(#[from] crate::figures::canvas::FigureError),
+    Figure(#[from] crate::canvas::FigureError),
     #[error("cannot draw the plot: {0}")]
     Draw(String),
     #[error("{path}: no `{name}` there, which this plot is made from", path = path.display())]

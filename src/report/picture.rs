@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::ReportError;
 use crate::{
     audit::{CONTACT, RESULT, pick_stem, write_whole},
-    figures::canvas::{Anchor, Canvas, FAINT, INK, text},
+    canvas::{Anchor, Canvas, FAINT, INK, text},
     film::exr::{ExrImage, read_exr},
     math::ViewTransform,
     objective::Statistics,

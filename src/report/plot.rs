@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::{ReportError, gather, live, pdf::Pdf};
 use crate::{
     audit::live::Live,
-    figures::canvas::{Canvas, FigureError, INK, SCALE, take_font},
+    canvas::{Canvas, FigureError, INK, SCALE, take_font},
     lighting::Lighting,
     math::Measure,
     objective::Statistics,

@@ -105,6 +105,18 @@ impl Layout {
         Self { lights: chosen.collect(), nodes: self.nodes.clone(), ..*self }
     }
 
+    /// Layout with the lights of another one of the same size and nodes after its own; `None` where these differ.
+    #[must_use]
+    pub fn joined(&self, other: &Self) -> Option<Self> {
+        if (self.size, &self.nodes, self.planes) != (other.size, &other.nodes, other.planes) {
+            return None;
+        }
+        let n = self.n_cells();
+        let added = other.lights.iter().cloned();
+        let added = added.map(|cells| LightCells { first_cell: n + cells.first_cell, ..cells });
+        Some(Self { lights: self.lights.iter().cloned().chain(added).collect(), ..self.clone() })
+    }
+
     /// Number of pixels.
     #[must_use]
     pub fn n_pixels(&self) -> usize {

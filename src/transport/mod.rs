@@ -161,6 +161,30 @@ impl TransportBasis {
         Self { luminance, colour, layout, ..*self }
     }
 
+    /// The basis with the lights of another one of the same pictures after its own; `None` where size, nodes or
+    /// replicates differ.
+    #[must_use]
+    pub fn joined(&self, other: &Self) -> Option<Self> {
+        let layout = self.layout.joined(&other.layout)?;
+        if self.n_replicates() != other.n_replicates() || self.colour.len() != other.colour.len() {
+            return None;
+        }
+        // Tables are sums over the samples.
+        let factor = f64::from(self.n_samples) / f64::from(other.n_samples);
+        let join = |(table, added): (&Vec<f32>, &Vec<f32>), channels: usize| {
+            let mut out = Vec::with_capacity(table.len() + added.len());
+            for y in 0..layout.size.y as usize {
+                out.extend_from_slice(self.line(table, channels, y));
+                let scaled = |v: &f32| (f64::from(*v) * factor) as f32;
+                out.extend(other.line(added, channels, y).iter().map(scaled));
+            }
+            out
+        };
+        let luminance = self.luminance.iter().zip(&other.luminance).map(|tables| join(tables, 1)).collect();
+        let colour = self.colour.iter().zip(&other.colour).map(|tables| join(tables, COLOURS)).collect();
+        Some(Self { luminance, colour, layout, ..*self })
+    }
+
     /// Film size, cells and nodes of the tables.
     #[must_use]
     pub fn layout(&self) -> &Layout {

@@ -76,6 +76,17 @@ fn a_scene_without_lights_is_lit_and_its_lamps_are_found_again() {
     assert!((again - ours).abs() < 2.0 * error, "{again} {ours} {error}");
     let plan = std::fs::read_to_string(room.path("lit/plan.svg")).unwrap();
     assert!(lamps.iter().all(|lamp| plan.contains(lamp["name"].as_str().unwrap())), "{plan}");
+    assert!(plan.contains("from above") && plan.contains("\n1 m\n"), "{plan}");
+    // Where a lamp more would help, before and after: before, the picture is black.
+    let maps = ["where-start", "where-found"].map(|stem| {
+        let files = [".png", ".csv", ".exr"].map(|ending| room.path(&format!("lit/{stem}{ending}")));
+        assert!(files.iter().all(|path| path.is_file()), "{files:?}");
+        let mut reader = csv::Reader::from_path(&files[1]).unwrap();
+        let f_q = |row: csv::StringRecord| row[5].parse::<f64>().unwrap();
+        reader.records().map(|row| f_q(row.unwrap())).fold(f64::INFINITY, f64::min)
+    });
+    assert!(maps[1] < maps[0] - 0.01, "{maps:?}");
+    assert!(image::open(room.path("lit/plan.png")).unwrap().width() > 800);
     // Nobody asked: a scene without lights has no other way.
     room.command(&run(&["--out", "again"])).assert().code(0).stdout(contains("lm"));
 }

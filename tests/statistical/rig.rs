@@ -108,12 +108,14 @@ fn some_lights_of_a_basis_are_those_of_the_whole() {
     let bins = lamps.iter().map(|_| SizeBins::Fixed(1.0)).collect();
     let layout = Layout::new(scene.camera.size(), bins, ValueNodes::new(1.0, 3));
     let mut basis = TransportBasis::for_search(layout, 2);
+    let mut other = basis.clone();
     let lighting = Lighting::authored(&scene);
     let plan = SamplingPlan::uniform(&lighting);
     let integrator = Integrator { max_depth: 3, ..Integrator::default() };
     let view = View { scene: &scene, camera: &scene.camera };
     let source = Source { view, plan: &plan, integrator: &integrator, sampler: SamplerKind::Sobol, seed: 3 };
     basis.render(source, 2, &()).unwrap();
+    other.render(Source { seed: 4, ..source }, 3, &()).unwrap();
     let chosen = [4, 1];
     let part = Lighting { radiance: vec![2.0, 3.0], size: vec![1.0; 2], value: 0.4, ..lighting.clone() };
     let mut whole = Lighting { radiance: vec![0.0; lamps.len()], value: 0.4, ..lighting };
@@ -123,6 +125,16 @@ fn some_lights_of_a_basis_are_those_of_the_whole() {
     for (few, all) in few.concat().iter().zip(all.concat()) {
         assert!((few - all).abs() <= 1e-12 * all.abs().max(1e-6), "{few} {all}");
     }
+    // Lights of bases of different numbers of samples, side by side.
+    let [ours, theirs] = [(&basis, 4), (&other, 1)].map(|(basis, light)| basis.of_lights(&[light]));
+    let [a, b] = [0, 1].map(|l| part.of_lights(&[l]));
+    let both = recombined(&ours.joined(&theirs).unwrap(), &part).concat();
+    let sum = recombined(&ours, &a).concat().into_iter().zip(recombined(&theirs, &b).concat());
+    for (both, sum) in both.iter().zip(sum.map(|(a, b)| a + b)) {
+        assert!((both - sum).abs() <= 1e-6 * sum.abs().max(1e-6), "{both} {sum}");
+    }
+    let larger = Layout::new(scene.camera.size() * 2, vec![SizeBins::Fixed(1.0)], ValueNodes::new(1.0, 3));
+    assert!(ours.joined(&TransportBasis::for_search(larger, 2)).is_none());
 }
 
 /// Shows every lamp, and every lamp turned round, as the camera sees them: paths of one edge.

@@ -14,11 +14,12 @@ use super::{
 };
 use crate::{
     audit::{products::Products, write_whole},
+    canvas::Canvas,
     cli::{common::load_scene, progress::Console},
     design::Reporter,
     embree,
     figures::{
-        Canvas, LOOKS, Outcome, Part, STUDIES, Study, convergence, flux,
+        LOOKS, Outcome, Part, STUDIES, Study, convergence, flux,
         grid::{Cell, Grid, Row},
         manifest::{self, MANIFEST, Manifest, TIMINGS},
         page::{self, Block},

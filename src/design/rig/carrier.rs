@@ -237,6 +237,36 @@ impl<L: Candidate> Carrier<L> {
         Ok((carrier, scene))
     }
 
+    /// The carrier with some lamps of another one, by their indices among all its lights, after its own; `None` where
+    /// their pictures have not the same size.
+    #[must_use]
+    pub fn joined(&self, other: &Self, lights: &[usize]) -> Option<Self>
+    where
+        L: Clone,
+    {
+        let basis = self.basis.joined(&other.basis.of_lights(lights))?;
+        let reduced = self.reduced.joined(&other.reduced.of_lights(lights))?;
+        let n = self.n_own + self.lamps.len();
+        let (of_lights, of_scene): (Vec<_>, Vec<_>) =
+            self.variables.iter().cloned().partition(|v| v.kind.is_of_light());
+        let added = lights.iter().enumerate().flat_map(|(k, &light)| {
+            other.of_light(light).map(move |v| Variable { light: n + k, ..v.clone() })
+        });
+        // Every lamp is dark there and of size 1, as the first is.
+        let all: Vec<usize> = (0..n).chain(std::iter::repeat_n(self.n_own, lights.len())).collect();
+        Some(Self {
+            n_own: self.n_own,
+            lamps: self.lamps.iter().chain(lights.iter().map(|&light| other.lamp(light))).cloned().collect(),
+            basis,
+            reduced,
+            variables: of_lights.into_iter().chain(added).chain(of_scene).collect(),
+            fixed: self.fixed.of_lights(&all),
+            measure: self.measure,
+            masks: self.masks.clone(),
+            weights: self.weights.clone(),
+        })
+    }
+
     /// Objectives of a target for the pictures, and for the reduced ones.
     ///
     /// # Errors

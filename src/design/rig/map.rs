@@ -1,13 +1,13 @@
 //! Where a lamp would help: f_q with one lamp more, place by place.
 
-use glam::UVec2;
+use glam::{UVec2, Vec3};
 
 use super::{
     carrier::{Carrier, Commission},
-    choose::{Chooser, Offer},
+    choose::{Choice, Chooser, Offer},
     lamp::Lamp,
     places,
-    set::{Place, Set},
+    set::{Ground, Place, Set},
 };
 use crate::{
     design::{
@@ -84,12 +84,12 @@ pub fn map(scene: Scene, survey: Survey, reporter: &impl Reporter) -> Result<Map
     if lamps.is_empty() {
         return Err(RunError::NoPlace);
     }
-    let stands: Vec<Place> = lamps.iter().map(|lamp| set.place(lamp.position)).collect();
-    let lights = scene.lights.iter().filter_map(|light| {
-        let lamp = Lamp::of_light(light, 1.0)?;
-        Some((light.name.clone(), set.place(lamp.position)))
-    });
-    let lights = lights.collect();
+    let ground = set.ground();
+    let lights: Vec<(String, Vec3)> = scene
+        .lights
+        .iter()
+        .filter_map(|light| Some((light.name.clone(), Lamp::of_light(light, 1.0)?.position)))
+        .collect();
     let free = FreeKinds::named(&["radiance"]);
     let seed = seed_for(seed, Purpose::Places);
     let commission = Commission {
@@ -108,13 +108,25 @@ pub fn map(scene: Scene, survey: Survey, reporter: &impl Reporter) -> Result<Map
     let objectives = carrier.objectives(target)?;
     let chooser = Chooser { carrier: &carrier, objectives, cancelled: &|| false };
     let present = chooser.choice((0..carrier.n_own).collect(), &own.lighting);
-    let (f_q, offers) = chooser.offers(&present);
-    let spot = |offer: &Offer| Spot {
-        lamp: *carrier.lamp(offer.light),
-        place: stands[offer.light - carrier.n_own],
-        f_q: offer.f_q,
-        radiance: offer.radiance,
-        change: offer.change,
-    };
-    Ok(Map { f_q, spots: offers.iter().map(spot).collect(), lights })
+    Ok(Map::of(&chooser, &present, &ground, &lights))
+}
+
+impl Map {
+    /// What every lamp of a carrier would do that is added to a choice, on a set where the present lights stand at the
+    /// places given by name, metres.
+    pub(super) fn of<C: Fn() -> bool + Sync>(
+        chooser: &Chooser<Lamp, C>,
+        present: &Choice,
+        ground: &Ground,
+        lights: &[(String, Vec3)],
+    ) -> Self {
+        let (f_q, offers) = chooser.offers(present);
+        let spot = |offer: &Offer| {
+            let lamp = *chooser.carrier.lamp(offer.light);
+            let place = ground.place(lamp.position);
+            Spot { lamp, place, f_q: offer.f_q, radiance: offer.radiance, change: offer.change }
+        };
+        let lights = lights.iter().map(|(name, p)| (name.clone(), ground.place(*p)));
+        Self { f_q, spots: offers.iter().map(spot).collect(), lights: lights.collect() }
+    }
 }

@@ -11,11 +11,12 @@
 //! | `carrier` | their pictures, rendered together |
 //! | `choose` | which of them, and how bright |
 //! | `describe`, `plan` | what a photographer would say of them, and draw |
-//! | `map` | where a lamp would help |
+//! | `map`, `chart` | where a lamp would help, and its drawing |
 //! | `sky` | pictures of surroundings, and how far they are turned |
 //! | `run` | a whole run whose lamps or surroundings the program chooses |
 
 mod carrier;
+pub mod chart;
 mod choose;
 mod describe;
 mod lamp;
@@ -26,16 +27,24 @@ mod run;
 mod set;
 mod sky;
 
+use std::path::Path;
+
+use glam::Vec3;
+
 use self::{
     carrier::{Carrier, Commission},
     choose::{Choice, Chooser},
+    plan::Plan,
 };
-use super::{Reporter, RunError, deadline::Deadline};
+use super::{Job, Reporter, RunError, deadline::Deadline};
 use crate::{
     audit::{
+        MAPS, PLAN,
         lights::LightsFile,
         placed::{Description, Role},
+        write_whole,
     },
+    film::exr::write_exr,
     integrator::View,
     light::Light,
     lighting::{Lighting, MAX_RADIANCE},
@@ -74,6 +83,8 @@ pub struct Rig {
     pub without_lights: bool,
     /// The set on which they stand.
     pub ground: Ground,
+    /// Where a lamp more would help: at the start, and with the lamps that were chosen.
+    pub maps: Vec<Map>,
 }
 
 /// A lamp that the program placed.
@@ -90,7 +101,7 @@ pub struct PlacedLamp {
     /// Height of its middle above the floor, metres.
     pub height: f32,
     /// Place where a light of the scene stood that was moved.
-    pub moved_from: Option<glam::Vec3>,
+    pub moved_from: Option<Vec3>,
     /// Radiance with which it was chosen, W·m⁻²·sr⁻¹.
     pub radiance: f64,
     /// Size with which it was chosen.
@@ -140,6 +151,8 @@ fn find(
     reporter.stage("choosing lamps", None);
     let is_over = || reporter.cancelled() || deadline.has_passed(Deadline::PLACING);
     let mut looks = choose(&carrier, &start, order, &is_over, reporter)?;
+    let everywhere = carrier;
+    let mut last = None;
     for (round, step) in STEPS.into_iter().enumerate() {
         scene = scene.with_lights(company.fixed.clone());
         let view = View { scene: &scene, camera: &camera };
@@ -151,11 +164,17 @@ fn find(
         let carrier;
         (carrier, scene) = Carrier::render(scene, lamps, Commission { seed, ..commission }, reporter)?;
         looks = slide(&carrier, &looks, order, &is_over, reporter)?;
+        last = Some(carrier);
     }
     let scene = scene.with_lights(company.fixed.clone());
     let view = View { scene: &scene, camera: &camera };
     let set = Set::new(view, constraints.movement).ok_or(RunError::NoSubject)?;
-    let rigs = looks.iter().map(|lit| rig(lit, &company, &set, view, order)).collect();
+    let last = last.as_ref().unwrap_or(&everywhere);
+    let rig = |(lit, job): (&Lit, &Job)| {
+        let maps = maps(&everywhere, &start, last, lit, job, (&company, &set))?;
+        Ok(Rig { maps, ..rig(lit, &company, &set, view, order) })
+    };
+    let rigs = looks.iter().zip(&order.options.jobs).map(rig).collect::<Result<_, RunError>>()?;
     Ok((rigs, scene))
 }
 
@@ -294,6 +313,37 @@ fn slide(
     .collect()
 }
 
+/// Where a lamp more would help a look: at the start, and beside the lamps that were chosen in the `last` carrier, which
+/// is left out where its pictures have another size than those of the lamps `everywhere`.
+fn maps(
+    everywhere: &Carrier,
+    start: &Lit,
+    last: &Carrier,
+    lit: &Lit,
+    job: &Job,
+    (company, set): (&Company, &Set),
+) -> Result<Vec<Map>, RunError> {
+    let ground = set.ground();
+    let map = |carrier: &Carrier, lit: &Lit| -> Result<Map, RunError> {
+        let chooser = Chooser { carrier, objectives: carrier.objectives(&job.target)?, cancelled: &|| false };
+        let place = |lamp: &Lamp| {
+            let own = lamp.of.map(|i| company.movable[i].light.name.clone());
+            (own.unwrap_or_default(), lamp.position)
+        };
+        let lights: Vec<(String, Vec3)> = lit.lamps.iter().map(place).collect();
+        let mut map = Map::of(&chooser, &lit.choice(&chooser), &ground, &lights);
+        // Lamps that were added for their light alone are no places to offer.
+        map.spots.retain(|spot| everywhere.lamps.contains(&spot.lamp));
+        Ok(map)
+    };
+    let is_chosen = |&light: &usize| lit.lamps.contains(last.lamp(light));
+    let chosen: Vec<usize> = (last.n_own..last.n_own + last.lamps.len()).filter(is_chosen).collect();
+    let joined = everywhere.joined(last, &chosen);
+    let mut maps = vec![map(everywhere, start)?];
+    maps.extend(joined.map(|joined| map(&joined, lit)).transpose()?);
+    Ok(maps)
+}
+
 /// The rig of some lamps, with their names.
 fn rig(lit: &Lit, company: &Company, set: &Set, view: View, order: &Order) -> Rig {
     let n_own = company.fixed.len();
@@ -366,7 +416,7 @@ impl Rig {
     /// A rig without lamps.
     fn empty(order: &Order, ground: Ground) -> Self {
         let Order { most, without_lights, .. } = *order;
-        Self { lamps: Vec::new(), sky: None, most, without_lights, ground }
+        Self { lamps: Vec::new(), sky: None, most, without_lights, ground, maps: Vec::new() }
     }
 
     /// The lights of the lamps and surroundings, with the radiances and sizes with which they were chosen.
@@ -415,9 +465,27 @@ impl Rig {
         }
     }
 
-    /// The plan of the set in a lighting of the scene, as an SVG file.
-    #[must_use]
-    pub fn plan(&self, scene: &Scene, lighting: &Lighting) -> String {
-        plan::svg(&self.ground, &self.described(scene, lighting))
+    /// Writes the plan of the set in a lighting of the scene into a run directory.
+    ///
+    /// # Errors
+    /// When it cannot be drawn or written.
+    pub fn write_plan(&self, scene: &Scene, lighting: &Lighting, run: &Path) -> Result<(), RunError> {
+        let plan = Plan { ground: &self.ground, lamps: self.described(scene, lighting) };
+        write_whole(&run.join(PLAN), plan.svg()?)?;
+        Ok(write_whole(&run.join(PLAN).with_extension("png"), plan.png()?)?)
+    }
+
+    /// Writes the maps of where a lamp would help into the directory of a run with a look of that name.
+    ///
+    /// # Errors
+    /// When one cannot be drawn or written.
+    pub fn write_maps(&self, look: &str, run: &Path) -> Result<(), RunError> {
+        for (stem, map) in MAPS.iter().zip(&self.maps) {
+            let path = run.join(stem);
+            write_whole(&path.with_extension("png"), chart::drawing(map, look)?)?;
+            write_whole(&path.with_extension("csv"), chart::table(map)?)?;
+            write_exr(&path.with_extension("exr"), &chart::numbers(map))?;
+        }
+        Ok(())
     }
 }

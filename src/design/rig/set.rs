@@ -30,6 +30,19 @@ pub struct Place {
     pub distance: f32,
 }
 
+impl Place {
+    /// The place of a point at `d` from the subject's middle, metres, where `right` and `front` are the horizontal
+    /// unit vectors to the right in the picture and toward the camera.
+    fn of(d: Vec3, right: Vec3, front: Vec3) -> Self {
+        let distance = d.length();
+        Self {
+            azimuth: d.dot(right).atan2(d.dot(front)).to_degrees(),
+            elevation: (d.y / distance.max(f32::MIN_POSITIVE)).clamp(-1.0, 1.0).asin().to_degrees(),
+            distance,
+        }
+    }
+}
+
 /// Unit vector at the azimuth and the elevation of a [`Place`], degrees, where `right` and `front` are the horizontal
 /// unit vectors to the right in the picture and toward the camera.
 #[must_use]
@@ -75,6 +88,14 @@ pub struct Ground {
     pub eye: Vec3,
     /// Points of the background that the camera sees, metres.
     pub surfaces: Vec<Vec3>,
+}
+
+impl Ground {
+    /// The place of a point.
+    #[must_use]
+    pub fn place(&self, p: Vec3) -> Place {
+        Place::of(p - self.center, self.right, self.front)
+    }
 }
 
 impl<'a> Set<'a> {
@@ -141,13 +162,7 @@ impl<'a> Set<'a> {
     /// The place of a point.
     #[must_use]
     pub fn place(&self, p: Vec3) -> Place {
-        let d = p - self.center;
-        let distance = d.length();
-        Place {
-            azimuth: d.dot(self.right).atan2(d.dot(self.front)).to_degrees(),
-            elevation: (d.y / distance.max(f32::MIN_POSITIVE)).clamp(-1.0, 1.0).asin().to_degrees(),
-            distance,
-        }
+        Place::of(p - self.center, self.right, self.front)
     }
 
     /// The point at a place.

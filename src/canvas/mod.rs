@@ -27,6 +27,8 @@ pub enum FigureError {
     Font,
     #[error("cannot draw the figure")]
     Draw(#[from] DrawError),
+    #[error("cannot draw the figure: {0}")]
+    Svg(String),
     #[error("cannot encode the figure")]
     Encode(#[from] image::ImageError),
     #[error("cannot fill in the table")]
