@@ -79,7 +79,7 @@ fn a_scene_without_lights_is_lit_and_its_lamps_are_found_again() {
     assert!(plan.contains("from above") && plan.contains("\n1 m\n"), "{plan}");
     // Where a lamp more would help, before and after: before, the picture is black.
     let maps = ["where-start", "where-found"].map(|stem| {
-        let files = [".png", ".csv", ".exr"].map(|ending| room.path(&format!("lit/{stem}{ending}")));
+        let files = [".png", ".csv", ".exr"].map(|ending| room.path(format!("lit/{stem}{ending}")));
         assert!(files.iter().all(|path| path.is_file()), "{files:?}");
         let mut reader = csv::Reader::from_path(&files[1]).unwrap();
         let f_q = |row: csv::StringRecord| row[5].parse::<f64>().unwrap();
