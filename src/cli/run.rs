@@ -38,7 +38,7 @@ use crate::{
     lighting::Lighting,
     math::Measure,
     photo::{Look, weights::Weights},
-    variables::{FreeKinds, VariableKind},
+    variables::{FreeKinds, VariableKind, Wishes},
 };
 
 /// Find the lights that give a scene a look, and render it
@@ -129,7 +129,7 @@ pub struct RunArgs {
     pub free: Option<Vec<VariableKind>>,
 
     /// Place lamps: N at most, and as few as it takes, in the place of the scene's own lights [default: 4
-    /// for a scene that has none]. Where they may stand is said by `movement` in the sidecar
+    /// for a scene that has none or is staged]. Where they may stand is said by `movement` in the sidecar
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=12))]
     pub lamps: Option<u8>,
 
@@ -318,10 +318,24 @@ fn work(
             loaded = load_any_scene(args.scene(), &LoadOptions { without_lights, ..load }, |_| ())?;
         }
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
-        let Loaded { mut scene, mut constraints, wishes, staging, .. } = loaded;
+        let Loaded { mut scene, mut constraints, wishes, staging, staged_lights, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
-        let mut authored = authored(&scene, args.exposure);
         let wishes = args.ties.wishes(&wishes);
+        // Staged lights are a guess, which lamps that are sought take the place of unless somebody speaks of them.
+        let places_anew = !args.move_lights
+            && args.lamps.is_none()
+            && args.gradient == Gradient::Basis
+            && wishes == Wishes::default()
+            && !staged_lights.is_empty()
+            && staged_lights.len() == scene.lights.len();
+        let without_lights = without_lights || places_anew;
+        let mut staged = Vec::new();
+        if places_anew {
+            staged = std::mem::take(&mut scene.lights);
+            scene = scene.with_lights(Vec::new());
+            constraints.lights.clear();
+        }
+        let mut authored = authored(&scene, args.exposure);
         wishes.apply(&scene.light_names(), &mut authored.radiance, &mut constraints)?;
         let free = args.free.clone().map_or_else(|| constraints.free.clone(), FreeKinds);
         for (light, constraints) in scene.lights.iter_mut().zip(&constraints.lights) {
@@ -405,6 +419,7 @@ fn work(
                     most,
                     moves: args.move_lights,
                     skies: &skies,
+                    staged: &staged,
                     without_lights,
                     path,
                     authored,

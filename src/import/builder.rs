@@ -83,6 +83,8 @@ pub struct Loaded {
     pub is_of_blender: bool,
     /// Text of the sidecar that was staged for a scene without one.
     pub staging: Option<String>,
+    /// Names of the lights that were staged.
+    pub staged_lights: Vec<String>,
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
@@ -185,10 +187,13 @@ impl Source<'_> {
         }
         let camera = options.camera.as_ref();
         let Staging { text, summary } = self.stage(&imported, &StageOptions::default(), camera)?;
-        let mut loaded = self.build(options, &Sidecar::parse(self.sidecar_path, &text)?, imported)?;
-        let (file, sidecar) = (self.scene_path.display(), self.sidecar_path.display());
-        loaded.warnings.push(format!("{file}: {summary}; `stage` writes this as {sidecar} to edit"));
-        Ok(Loaded { staging: Some(text), ..loaded })
+        let sidecar = Sidecar::parse(self.sidecar_path, &text)?;
+        let mut loaded = self.build(options, &sidecar, imported)?;
+        let (file, beside) = (self.scene_path.display(), self.sidecar_path.display());
+        loaded.warnings.push(format!("{file}: {summary}; `stage` writes this as {beside} to edit"));
+        let mut staged_lights: Vec<String> = sidecar.lights.into_iter().map(|light| light.name).collect();
+        staged_lights.retain(|name| loaded.scene.lights.iter().any(|light| light.name == *name));
+        Ok(Loaded { staging: Some(text), staged_lights, ..loaded })
     }
 
     /// Stages the scene file, whose `camera` was chosen; `None` where nobody chose.
@@ -279,7 +284,16 @@ impl Source<'_> {
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
         let (wishes, view) = (sidecar.ties.clone(), sidecar.view);
-        Ok(Loaded { scene, constraints, warnings, wishes, view, is_of_blender, staging: None })
+        Ok(Loaded {
+            scene,
+            constraints,
+            warnings,
+            wishes,
+            view,
+            is_of_blender,
+            staging: None,
+            staged_lights: Vec::new(),
+        })
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {

@@ -135,6 +135,38 @@ fn lights_are_moved_unless_they_must_stay() {
 }
 
 #[test]
+fn lights_that_were_staged_make_way_for_better_ones() {
+    let room = Room::with(OBJ, MTL, TOML);
+    std::fs::remove_file(room.path("room.toml")).unwrap();
+    let run = |options: &[&str]| {
+        let words = ["run", "room.obj", "--target", "low-key", "--work-size", "48x36", "--size", "48x36"];
+        let last = ["--final-spp", "4", "--json"];
+        let output = room.succeed(&[&words[..], &last, options].concat());
+        let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let f_q = ["f_q", "f_q_error"].map(|key| found[key].as_f64().unwrap());
+        (f_q, String::from_utf8(output.stderr).unwrap())
+    };
+    let ([anew, error], said) = run(&["--out", "anew"]);
+    assert!(said.contains("with the lights that were staged: lamps placed anew"), "{said}");
+    let file = LightsFile::load(&room.path("anew/lights.toml")).unwrap();
+    assert!(file.without_lights && file.lights.iter().all(|light| light.placed.is_some()));
+    assert!(room.path("anew/staging.toml").is_file() && room.path("anew/where-found.png").is_file());
+    // Somebody speaks of a light.
+    let ([kept, other], said) = run(&["--lock", "fill.size", "--out", "kept"]);
+    assert!(!said.contains("lamps placed anew"), "{said}");
+    let file = LightsFile::load(&room.path("kept/lights.toml")).unwrap();
+    let names: Vec<&str> = file.lights.iter().map(|light| light.name.as_str()).collect();
+    assert_eq!((names, file.without_lights), (vec!["key", "fill", "rim"], false));
+    assert!(anew + error + other < kept, "{anew} {error} {kept} {other}");
+    // The lights found are those of the picture, also for who renders them.
+    let words = ["render", "room.obj", "--lights", "anew/lights.toml", "--size", "48x36", "--spp", "256"];
+    room.succeed(&[&words[..], &["-o", "a.exr"]].concat());
+    let words = ["evaluate", "a.exr", "--target", "low-key", "--json"];
+    let measured: serde_json::Value = serde_json::from_slice(&room.succeed(&words).stdout).unwrap();
+    assert!((measured["f_q"].as_f64().unwrap() - anew).abs() < 2.0 * error);
+}
+
+#[test]
 fn lamps_are_searched_for_the_weights_in_the_place_of_the_mask() {
     // The floor of the front left corner is to be lit, and nothing else: the lamp that does so is not that which
     // lights the main object.

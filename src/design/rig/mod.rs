@@ -124,7 +124,7 @@ fn find(
     let Order { constraints, options, .. } = *order;
     let camera = scene.camera.resized(options.work_size);
     let set = Set::new(View { scene: &scene, camera: &camera }, constraints.movement);
-    let (company, lamps) = {
+    let (company, mut lamps) = {
         let set = set.ok_or(RunError::NoSubject)?;
         let company = Company::new(&set, &scene, order);
         let mut lamps: Vec<Lamp> = company.movable.iter().map(|own| own.lamp).collect();
@@ -138,6 +138,7 @@ fn find(
         }
         (company, lamps)
     };
+    lamps.extend(&company.staged);
     if lamps.is_empty() {
         return Err(RunError::NoPlace);
     }
@@ -150,7 +151,8 @@ fn find(
     let (carrier, mut scene) = Carrier::render(scene, lamps, commission, reporter)?;
     reporter.stage("choosing lamps", None);
     let is_over = || reporter.cancelled() || deadline.has_passed(Deadline::PLACING);
-    let mut looks = choose(&carrier, &start, order, &is_over, reporter)?;
+    let staged = Lit::of_staged(&company, &own.lighting, order);
+    let mut looks = choose(&carrier, [&start, &staged], order, &is_over, reporter)?;
     let everywhere = carrier;
     let mut last = None;
     for (round, step) in STEPS.into_iter().enumerate() {
@@ -186,6 +188,8 @@ struct Company {
     constraints: Constraints,
     /// Lights that may be moved.
     movable: Vec<Movable>,
+    /// Lights that were staged, as lamps at their sizes; none where one may not stand where it does.
+    staged: Vec<Lamp>,
 }
 
 /// A light of the scene that may be moved.
@@ -202,7 +206,13 @@ impl Company {
             fixed: Vec::new(),
             constraints: Constraints { lights: Vec::new(), ..order.constraints.clone() },
             movable: Vec::new(),
+            staged: Vec::new(),
         };
+        let staged = order.staged.iter().map(|light| Some(places::of_light(set, light)?.scaled(light.size)));
+        let staged = staged.collect::<Option<Vec<Lamp>>>().unwrap_or_default();
+        if staged.iter().all(|lamp| set.allows(lamp)) {
+            company.staged = staged;
+        }
         for (light, constraints) in scene.lights.iter().zip(&order.constraints.lights) {
             let may_move = order.moves && constraints.free.contains("radiance") && !constraints.stays;
             match places::of_light(set, light).filter(|_| may_move) {
@@ -240,6 +250,14 @@ impl Lit {
         Self { lamps, means: vec![[0.0; 2]; lighting.n_lights()], lighting }
     }
 
+    /// The lights that were staged, as they are.
+    fn of_staged(company: &Company, fixed: &Lighting, order: &Order) -> Self {
+        let mut lighting = fixed.clone();
+        lighting.radiance.extend(order.staged.iter().map(|light| f64::from(light.radiance)));
+        lighting.size.extend(order.staged.iter().map(|_| 1.0));
+        Self { lamps: company.staged.clone(), means: vec![[0.0; 2]; lighting.n_lights()], lighting }
+    }
+
     /// A choice among the lamps of a carrier.
     fn new(choice: &Choice, carrier: &Carrier) -> Self {
         let lighting = carrier.part(&choice.lights).lighting(&choice.u);
@@ -256,10 +274,10 @@ impl Lit {
     }
 }
 
-/// The lamps of every look.
+/// The lamps of every look: the best that are found from the `start`, or those that were staged where they are better.
 fn choose(
     carrier: &Carrier,
-    start: &Lit,
+    [start, staged]: [&Lit; 2],
     order: &Order,
     cancelled: &(impl Fn() -> bool + Sync),
     reporter: &impl Reporter,
@@ -273,9 +291,21 @@ fn choose(
             .iter()
             .map(|rig| format!("{:.3} with {}", rig.f_q, rig.lights.len() - carrier.n_own))
             .collect();
-        reporter.note(&format!("{}: f_q {} lamps", job.target.name(), costs.join(", ")));
-        let choice = choose::as_few_as_it_takes(&rigs, order.options.tolerance).ok_or(RunError::NoPlace)?;
-        looks.push(Lit::new(choice, carrier));
+        let look = job.target.name();
+        reporter.note(&format!("{look}: f_q {} lamps", costs.join(", ")));
+        let mut best = choose::as_few_as_it_takes(&rigs, order.options.tolerance).cloned();
+        if !staged.lamps.is_empty() {
+            let Choice { lights, u, .. } = staged.choice(&chooser);
+            let staged = chooser.polished(lights, &u)?;
+            let is_better = best.as_ref().is_some_and(|best| best.f_q < staged.f_q);
+            let word = if is_better { "placed anew" } else { "begin there" };
+            reporter.note(&format!(
+                "{look}: f_q {:.3} with the lights that were staged: lamps {word}",
+                staged.f_q
+            ));
+            best = best.filter(|_| is_better).or(Some(staged));
+        }
+        looks.push(Lit::new(&best.ok_or(RunError::NoPlace)?, carrier));
     }
     Ok(looks)
 }

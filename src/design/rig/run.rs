@@ -25,6 +25,9 @@ pub struct Order<'a> {
     pub most: usize,
     /// Whether the scene's own flat lights may be moved.
     pub moves: bool,
+    /// Lights that were staged for a scene that has none: a rig like those that are sought, and used where none of
+    /// these is better.
+    pub staged: &'a [Light],
     /// Pictures of surroundings, one of which takes the place of the scene's own; none to place lamps.
     pub skies: &'a [SkyFile],
     /// Whether the lights of the scene's files were left out.
