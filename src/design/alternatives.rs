@@ -95,7 +95,7 @@ impl Ground<'_, '_> {
         let of: Vec<&[f64]> = points.iter().map(Vec::as_slice).collect();
         let estimates = self.whole.estimates(&of, 1).map_err(|_| OptimError::NothingEvaluated)?;
         // What is not known to that distance may not be so near.
-        let is_good = |e: &JackknifeEstimate| e.evaluation.f_q <= f_q + WITHIN && e.error_bar() <= WITHIN;
+        let is_good = |e: &JackknifeEstimate| e.evaluation.f_q <= f_q + WITHIN && e.error_bound() <= WITHIN;
         let good = points.iter().zip(estimates).filter(|(_, e)| is_good(e));
         let good: Vec<(&Vec<f64>, JackknifeEstimate)> = good.collect();
         let pictures: Vec<[Vec<f64>; 2]> = good.par_iter().map(|(u, _)| self.small(u)).collect();

@@ -168,7 +168,7 @@ impl<R: Reporter> BasisSearch<'_, '_, '_, R> {
                 expected.error_bar(),
                 measured.error_bar()
             ));
-            let allowed = expected.error_bar() + measured.error_bar();
+            let allowed = expected.error_bound() + measured.error_bound();
             if (f - checked).abs() <= allowed || !may_go_on || self.spent.rounds == MAX_REFOCUS {
                 agreed.push((look, measured));
             } else {

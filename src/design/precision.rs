@@ -50,12 +50,12 @@ impl Precision {
 
     /// Whether the uncorrected f_q is precise enough, where the bias by noise is an error like any other.
     pub fn is_met_uncorrected(&self, e: &JackknifeEstimate) -> bool {
-        e.error_bar() <= self.half_width
+        e.error_bound() <= self.half_width
     }
 
     /// Samples to add to `n` for the uncorrected f_q to be precise enough.
     pub fn more_uncorrected(&self, n: u32, e: &JackknifeEstimate) -> u32 {
-        added(n, e.error_bar() / self.half_width)
+        added(n, e.error_bound() / self.half_width)
     }
 
     /// Factor on the number of samples that makes an estimate precise enough. The variance of scrambled nets

@@ -33,11 +33,21 @@ pub struct JackknifeEstimate {
     pub replicates: usize,
 }
 
+/// Noise correction from which on all of it is an error: below, the part that the jackknife leaves shrinks with it.
+const WHOLE_CORRECTION: f64 = 0.04;
+
 impl JackknifeEstimate {
-    /// Half width of the interval that is reported, `half_width + |correction|`: the jackknife leaves
-    /// a part of the bias, which the correction bounds.
+    /// Half width of the interval that is reported, `half_width + |c| min(1, |c| / 0.04)` of the correction c. The
+    /// correction is a bias of the order R⁻¹, and the jackknife leaves one of R⁻², the more the larger c is.
     #[must_use]
     pub fn error_bar(&self) -> f64 {
+        let c = self.correction.abs();
+        self.half_width + c * (c / WHOLE_CORRECTION).min(1.0)
+    }
+
+    /// Bound of the error, `half_width + |correction|`, by which it is decided whether more samples are needed.
+    #[must_use]
+    pub fn error_bound(&self) -> f64 {
         self.half_width + self.correction.abs()
     }
 }

@@ -1,11 +1,14 @@
 //! f_q from few samples: unbiased, with an error bar that tells the truth.
 
-use glam::Vec3;
+use std::path::Path;
+
+use glam::{UVec2, Vec3};
 use lightopt_embree::{
     design::{
         evaluator::Evaluator,
         render::{Budget, Renderer},
     },
+    import,
     integrator::{Integrator, IntegratorKind, View, aov},
     light::SizeDensity,
     lighting::{Lighting, SamplingPlan},
@@ -184,4 +187,59 @@ fn a_check_at_an_optimum_tells_the_truth() {
     assert!(of_check.mean().abs() < 0.003, "{}", of_check.mean());
     // The check is no worse than its own error: it chose nothing.
     assert!(of_check.variance_of_mean() < optimism.variance_of_mean());
+}
+
+/// Scenes with looks, and factors on their authors' radiances.
+const CASES: [(&str, &str, f64); 6] = [
+    ("scenes/fruit_basket.obj", "high-key", 1.0),
+    ("scenes/fruit_basket.obj", "low-key", 0.5),
+    ("tests/mitsuba/scenes/cornell.obj", "high-key", 1.0),
+    ("tests/mitsuba/scenes/cornell.obj", "low-key", 0.3),
+    ("tests/mitsuba/scenes/glossy_floor.obj", "high-key", 1.0),
+    ("tests/mitsuba/scenes/glossy_floor.obj", "low-key", 0.5),
+];
+
+/// Bars of reported f_q, of as many samples as the default tolerance asks for, against one truth a case. The variable
+/// `SEEDS` says how many estimates of each are made. With 16 the bars covered 99 %, half widths alone as many, and
+/// their median was 0.0035; with the whole correction added, 0.0073.
+#[test]
+#[ignore = "takes minutes"]
+fn bars_of_reported_estimates_are_narrow_and_cover() {
+    let seeds = std::env::var("SEEDS").map_or(6, |n| n.parse::<u64>().unwrap());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let size = UVec2::new(128, 96);
+    let (mut covered, mut bars) = (0, Vec::new());
+    for (name, look, gain) in CASES {
+        let scene = import::load(&root.join(name)).unwrap().scene;
+        let camera = scene.camera.resized(size);
+        let view = View { scene: &scene, camera: &camera };
+        let mut x = Lighting::authored(&scene);
+        x.radiance.iter_mut().for_each(|radiance| *radiance *= gain);
+        let mask = aov::trace(view, 1.0).mask;
+        let target = Target::resolve(look).unwrap();
+        let objective = Objective::new(&target, size.x as usize, size.y as usize, &mask).unwrap();
+        let integrator = Integrator { max_depth: 8, ..Integrator::default() };
+        let renderer = Renderer { integrator, sampler: SamplerKind::Sobol, measure: Measure::default() };
+        let plan = SamplingPlan::uniform(&x);
+        let estimate = |budget: Budget| {
+            renderer.render(view, &x, &plan, budget, &()).unwrap().measure(&objective).unwrap().estimate
+        };
+        let truth = estimate(Budget { seed: 987, spp: 1024, n_replicates: 8 }).evaluation.f_q;
+        for seed in 0..seeds {
+            let mut spp = 16;
+            let told = loop {
+                let e = estimate(Budget { seed, spp, n_replicates: REPLICATES });
+                if e.half_width <= 0.005 && e.correction.abs() <= 0.01 {
+                    break e;
+                }
+                spp += spp / 2;
+            };
+            covered += u64::from((told.evaluation.f_q - truth).abs() <= told.error_bar());
+            bars.push(told.error_bar());
+        }
+    }
+    bars.sort_by(f64::total_cmp);
+    let (share, median) = (covered as f64 / bars.len() as f64, bars[bars.len() / 2]);
+    println!("covers {:.1} % of {}; median bar {median:.4}", 100.0 * share, bars.len());
+    assert!(share >= 0.9 && median <= 0.006, "{share} {median}");
 }
