@@ -15,7 +15,8 @@ use super::{
 use crate::math::Rgb;
 
 impl Bsdf<'_> {
-    /// Albedo under a white sky; of glass, reflected and transmitted light from outside together.
+    /// Albedo under a white sky; of glass, reflected and transmitted light from outside together,
+    /// without its tint.
     #[must_use]
     pub fn white_sky_albedo(&self) -> Affine {
         match self {

@@ -38,6 +38,7 @@ use super::{
     ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part, sheet::material_of,
 };
 use crate::{
+    bsdf::GlassTint,
     math::Rgb,
     scene::{Material, material::Model},
 };
@@ -156,7 +157,12 @@ impl Writer<'_> {
         let of = match m.model() {
             Model::Diffuse => format!("\"diffuse\" {reflectance}"),
             Model::Conductor => format!("\"conductor\" {reflectance} {rough}"),
-            Model::Dielectric => format!("\"dielectric\" {eta} {rough}"),
+            Model::Dielectric => {
+                if m.glass_tint() != GlassTint::CLEAR {
+                    self.warnings.push(format!("material `{}`: pbrt's glass has no tint", m.name));
+                }
+                format!("\"dielectric\" {eta} {rough}")
+            }
             Model::Thin => format!("\"thindielectric\" {eta}"),
             Model::Plastic if m.metallic() >= 0.5 => format!("\"conductor\" {reflectance} {rough}"),
             Model::Plastic => {

@@ -7,7 +7,7 @@ use super::{
     xml::{boolean, element, float, rgb, string, texture},
 };
 use crate::{
-    bsdf::{microfacet::Ggx, plastic::internal_reflectance},
+    bsdf::{GlassTint, microfacet::Ggx, plastic::internal_reflectance},
     math::Rgb,
     scene::{
         Material,
@@ -129,7 +129,10 @@ impl Writer<'_> {
     }
 
     fn dielectric(&mut self, s: &Surface) -> Result<String, ExportError> {
-        let ior = refraction(s.material);
+        let GlassTint { reflected, transmitted } = s.material.glass_tint();
+        let tints = [("specular_reflectance", reflected), ("specular_transmittance", transmitted)];
+        let tints = tints.into_iter().filter(|(_, c)| *c != Rgb::ONE).map(|(name, c)| rgb(name, c));
+        let ior = refraction(s.material) + &tints.collect::<String>();
         Ok(match self.alpha(s)? {
             None => element("bsdf", "dielectric", &ior),
             Some(alpha) => element("bsdf", "roughdielectric", &(ggx(&alpha) + &ior)),
