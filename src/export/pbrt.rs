@@ -156,7 +156,12 @@ impl Writer<'_> {
         };
         let of = match m.model() {
             Model::Diffuse => format!("\"diffuse\" {reflectance}"),
-            Model::Conductor => format!("\"conductor\" {reflectance} {rough}"),
+            Model::Conductor => {
+                if m.edge_tint() != Rgb::ONE {
+                    self.warnings.push(format!("material `{}`: the tint of its edge is lost", m.name));
+                }
+                format!("\"conductor\" {reflectance} {rough}")
+            }
             Model::Dielectric => {
                 if m.glass_tint() != GlassTint::CLEAR {
                     self.warnings.push(format!("material `{}`: pbrt's glass has no tint", m.name));

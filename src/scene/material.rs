@@ -69,6 +69,8 @@ pub struct MaterialParams {
     pub ior: f32,
     /// Tint of a body of glass.
     pub glass_tint: GlassTint,
+    /// Reflectance of a [`Model::Conductor`] at 82 degrees over Schlick's, in [0, 1].
+    pub edge_tint: Rgb,
     /// Weight in [0, 1] of a plastic with its coat; the rest is the bare diffuse base.
     pub specular: f32,
     /// Image that multiplies the weight of the coat.
@@ -123,6 +125,7 @@ impl Default for MaterialParams {
             roughness_map: None,
             ior: 1.5,
             glass_tint: GlassTint::CLEAR,
+            edge_tint: Rgb::ONE,
             specular: 1.0,
             specular_map: None,
             metallic: 0.0,
@@ -308,6 +311,12 @@ impl Material {
         self.params.glass_tint
     }
 
+    /// Reflectance of a [`Model::Conductor`] at 82 degrees over Schlick's, in [0, 1].
+    #[must_use]
+    pub fn edge_tint(&self) -> Rgb {
+        self.params.edge_tint
+    }
+
     /// Weight of a plastic's coat without its image.
     #[must_use]
     pub fn specular(&self) -> f32 {
@@ -457,7 +466,8 @@ impl Material {
         let sampling_color = luminance(base) * sampling_value;
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
-            return Bsdf::Conductor(Conductor::new(base, sampling_color, layer.facets()));
+            let edge = if p.model == Model::Conductor { p.edge_tint } else { Rgb::ONE };
+            return Bsdf::Conductor(Conductor::tinted(base, edge, sampling_color, layer.facets()));
         }
         let specular =
             if layer.coat().is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };

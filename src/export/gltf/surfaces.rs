@@ -169,6 +169,9 @@ impl<'a> Surfaces<'a> {
         } else if metallic < 1.0 {
             extend(self, "KHR_materials_ior", json!({"ior": short(m.ior())}));
         }
+        if m.model() == Model::Conductor && m.edge_tint() != Rgb::ONE {
+            self.warnings.push(format!("material `{}`: the tint of its edge is lost", m.name));
+        }
         if m.model().transmits() {
             extend(self, "KHR_materials_transmission", json!({"transmissionFactor": 1.0}));
         }

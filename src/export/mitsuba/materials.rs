@@ -235,6 +235,9 @@ impl Writer<'_> {
     }
 
     fn metal(&mut self, s: &Surface) -> Result<String, ExportError> {
+        if s.material.edge_tint() != Rgb::ONE {
+            self.warn(s.material, "the tint of its edge is lost");
+        }
         let is_smooth = s.material.alpha().is_none() && s.material.roughness_map().is_none();
         if is_smooth && s.material.texture().is_none() && s.tint == Rgb::ONE {
             return Ok(element("bsdf", "conductor", &string("material", "none")));

@@ -69,6 +69,7 @@ impl Source<'_> {
         for (k, given, color) in [
             ("reflected", spec.reflected, &mut tint.reflected),
             ("transmitted", spec.transmitted, &mut tint.transmitted),
+            ("edge_tint", spec.edge_tint, &mut params.edge_tint),
         ] {
             if let Some(c) = given {
                 *color = self.albedo(&key(k), c)?;
