@@ -63,7 +63,8 @@ fn mixture(
 }
 
 fn metal(b: &Conductor) -> Affine {
-    let between = b.facets.map_or(Affine::ZERO, |f| conductor::returned(b.f0, Rgb::ONE, &f) * f.average_loss());
+    let between =
+        b.facets.map_or(Affine::ZERO, |f| conductor::returned(b.f0, Rgb::ONE, &f) * f.average_loss());
     single_metal(b) + between
 }
 

@@ -7,8 +7,8 @@ use glam::Vec2;
 use super::texture::{ScalarMap, Texture};
 use crate::{
     bsdf::{
-        Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, GlassTint, Layer, Plastic, Thin, microfacet::Ggx,
-        thin::average_reflectance,
+        Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, GlassTint, Layer, Plastic, Thin,
+        microfacet::Ggx, thin::average_reflectance,
     },
     math::{Rgb, luminance},
 };

@@ -345,7 +345,10 @@ fn what_glass_loses_of_a_material_library_is_said() {
     assert!(body.warnings.iter().all(|w| !w.contains("`Tf`")));
     let red = body.scene.materials.into_iter().find(|m| m.name == "red").unwrap();
     // Through a body light passes two faces.
-    assert_eq!((red.glass_tint().transmitted, red.glass_tint().reflected), (Vec3::new(0.8, 0.0, 1.0), Vec3::ONE));
+    assert_eq!(
+        (red.glass_tint().transmitted, red.glass_tint().reflected),
+        (Vec3::new(0.8, 0.0, 1.0), Vec3::ONE)
+    );
 }
 
 #[test]

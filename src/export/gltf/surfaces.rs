@@ -178,7 +178,8 @@ impl<'a> Surfaces<'a> {
         if m.model() == Model::Dielectric {
             extend(self, "KHR_materials_volume", json!({"thicknessFactor": 1.0}));
             if m.glass_tint().reflected != Rgb::ONE {
-                self.warnings.push(format!("material `{}`: the tint of what its glass reflects is lost", m.name));
+                self.warnings
+                    .push(format!("material `{}`: the tint of what its glass reflects is lost", m.name));
             }
         }
         let lit = self.job.lights().find(|l| material_of(self.job, l.light) == Some(index));
