@@ -209,7 +209,7 @@ def still():
     brass.use_nodes = True
     brass.node_tree.nodes.clear()
     metal = brass.node_tree.nodes.new("ShaderNodeBsdfMetallic")
-    metal.inputs["Base Color"].default_value, metal.inputs["Roughness"].default_value = (0.9, 0.75, 0.4, 1), 0.4
+    metal.inputs["Base Color"].default_value, metal.inputs["Roughness"].default_value = (0.9, 0.75, 0.4, 1), 0.2
     brass.node_tree.links.new(metal.outputs[0], brass.node_tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
     pot = add("cylinder", "pot", (0, 0, 0.4), brass, radius=0.4, depth=0.8, vertices=64)
     bpy.ops.object.shade_auto_smooth(angle=0.6)
