@@ -109,6 +109,8 @@
 //!   Application 10(1), 1985.
 //! - \[Kulla17\] C. Kulla, A. Conty, *Revisiting Physically Based Shading at Imageworks*,
 //!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2017.
+//! - \[Kutz21\] P. Kutz, M. Hašan, D. Edmondson, *Novel Aspects of the Adobe Standard Material*,
+//!   2021.
 //! - \[Lagarde14\] S. Lagarde, C. de Rousiers, *Moving Frostbite to Physically Based Rendering*,
 //!   SIGGRAPH course Physically Based Shading in Theory and Practice, 2014.
 //! - \[Leone61\] F. Leone, L. Nelson, R. Nottingham, *The Folded Normal Distribution*,

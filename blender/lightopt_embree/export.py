@@ -87,6 +87,9 @@ def write(context, folder, collection=None):
         lost += [f"material {material.name}: {words}" for words in gone]
         if table:
             described[material.name] = table
+    if any(materials.is_smooth(m) for m in used[geometry.MAIN] | used[geometry.REST]):
+        lost += [f"{table['name']}: without a size Cycles shows none of its light through smooth glass and off mirrors; "
+                 "the program does" for table in tables if lamps.is_without_size(table)]
     background = sorted(m.name for m in used[geometry.REST] - used[geometry.MAIN] if materials.has_value(m))
     text = sidecar.text(top, camera, {"objects": [f"{geometry.MAIN}:*"]},
                         {"materials": background} if background else None, tables, described,

@@ -174,6 +174,11 @@ def other_losses(ob):
     return lost
 
 
+def is_without_size(table):
+    """Whether a lamp of the sidecar is one that no ray of Cycles can meet."""
+    return table["type"] in {"point", "distant"} or table["type"] == "spot" and not table.get("radius")
+
+
 def background_of(world):
     """The Background node whose light the world is, and its picture's node and mapping; None where the world is
     another tree."""

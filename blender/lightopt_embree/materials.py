@@ -5,6 +5,7 @@ material shows a Principled BSDF of the same colour, so that images and normal m
 says what it is.
 """
 
+import math
 from contextlib import contextmanager
 
 from . import setter
@@ -14,6 +15,8 @@ UNKNOWN = {
     "Subsurface Weight": "subsurface scattering", "Sheen Weight": "sheen", "Coat Weight": "its coat",
     "Anisotropic": "anisotropy", "Thin Film Thickness": "its thin film", "Diffuse Roughness": "diffuse roughness",
 }
+# Transmission from which a Principled BSDF is glass: the program has nothing between glass and opaque.
+GLASS = 0.5
 
 
 def output(material):
@@ -39,16 +42,53 @@ def number(node, name):
     return None if socket is None or socket.is_linked else float(socket.default_value)
 
 
-def as_schlick(f0, tint):
-    """Reflectance at normal incidence of a metal after Schlick that is as bright under a white sky as one of
-    reflectance `f0` whose reflectance at 82 degrees is `tint` times Schlick's.
-
-    That is F(c) = S(c) - b c (1 - c)^6, with b from the cosine 1/7; its mean is that of S less b 2 B(3, 7)."""
-    c = 1.0 / 7.0
-    schlick = f0 + (1.0 - f0) * (1.0 - c) ** 5
-    b = schlick * (1.0 - tint) / (c * (1.0 - c) ** 6)
-    mean = f0 + (1.0 - f0) / 21.0 - b / 126.0
+def as_schlick(mean):
+    """Reflectance at normal incidence of a metal after Schlick that is as bright under a white sky as a mirror of the
+    reflectance `mean` at any angle."""
     return min(max((21.0 * mean - 1.0) / 20.0, 0.0), 1.0)
+
+
+def tint(node, name):
+    """The colour of a glass in [0, 1], and whether an image, which is lost, decides it."""
+    socket = node.inputs[name]
+    return ([1.0] * 3, True) if socket.is_linked else ([min(max(c, 0.0), 1.0) for c in color(socket)], False)
+
+
+def principled(node):
+    """What the sidecar says of a Principled BSDF beyond its glTF, and what of it is not carried."""
+    lost = [words for name, words in UNKNOWN.items() if node.inputs.get(name) is not None
+            and (node.inputs[name].is_linked or number(node, name) > 1e-6)]
+    ior, metallic, transmission = (number(node, n) for n in ("IOR", "Metallic", "Transmission Weight"))
+    specular_tint = node.inputs.get("Specular Tint")
+    is_tinted = specular_tint is not None and (specular_tint.is_linked or min(color(specular_tint)) < 0.99
+                                               or max(color(specular_tint)) > 1.01)
+    if is_tinted and (metallic != 1.0 or specular_tint.is_linked):
+        lost.append("the tint of its specular reflection")
+    if metallic == 1.0:
+        # Where all is at the format's default the exporter writes nothing at all.
+        metal = {"model": "conductor", "roughness": number(node, "Roughness")}
+        if not node.inputs["Base Color"].is_linked:
+            metal["base_color"] = [min(max(c, 0.0), 1.0) for c in color(node.inputs["Base Color"])]
+        if specular_tint is not None and not specular_tint.is_linked:
+            # To a metal it is the tint of its edge.
+            metal["edge_tint"] = tint(node, "Specular Tint")[0]
+        return {k: v for k, v in metal.items() if v is not None}, lost
+    table = {} if ior is None else {"ior": min(max(ior, 1.001), 4.0)}
+    if transmission is None or 0.0 < transmission < 1.0:
+        lost.append("its share of transmission: it is glass as a whole, or not at all")
+    if (transmission or 0.0) >= GLASS:
+        own, is_lost = tint(node, "Base Color")
+        if is_lost:
+            lost.append("the image that tints its glass")
+        # Each face lets the root of the base colour pass. An open surface too is a face and no sheet, as in Cycles.
+        return {**table, "model": "dielectric", "transmitted": [math.sqrt(c) for c in own]}, lost
+    level = number(node, "Specular IOR Level")
+    if ior is not None and level is not None and abs(level - 0.5) > 1e-6:
+        # The level scales the reflectance at normal incidence, which another IOR has.
+        f0 = 2.0 * level * ((ior - 1.0) / (ior + 1.0)) ** 2
+        root = math.sqrt(min(f0, 0.36))
+        table = {"ior": (1.0 + root) / (1.0 - root), "specular": 1.0} if root > 1e-3 else {"specular": 0.0}
+    return table, lost
 
 
 def described(material):
@@ -70,11 +110,8 @@ def described(material):
         "EMISSION": lambda: {"model": "diffuse", "base_color": [0.0, 0.0, 0.0]},
     }
     if node.type == "BSDF_PRINCIPLED":
-        for name, words in UNKNOWN.items():
-            if node.inputs.get(name) is not None and (node.inputs[name].is_linked or number(node, name) > 1e-6):
-                lost.append(words)
-        ior = number(node, "IOR")
-        return ({"ior": min(max(ior, 1.001), 4.0)} if ior is not None and number(node, "Metallic") != 1.0 else {}), lost
+        table, gone = principled(node)
+        return table, lost + gone
     if node.type not in known:
         return {}, lost + [f"its shader ({node.bl_label})"]
     table = known[node.type]()
@@ -84,18 +121,32 @@ def described(material):
     if node.type == "BSDF_METALLIC" and node.fresnel_type != "F82":
         lost.append("its conductor by index and extinction")
     elif node.type == "BSDF_METALLIC":
-        edge = color(node.inputs["Edge Tint"])
-        if "base_color" in table:
-            table["base_color"] = [as_schlick(f, e) for f, e in zip(table["base_color"], edge)]
-        if node.inputs["Edge Tint"].is_linked or min(edge) < 0.99:
-            lost.append("its edge tint: as bright as a whole")
+        table["edge_tint"], is_lost = tint(node, "Edge Tint")
+        if is_lost:
+            lost.append("the image of its edge tint")
+    if node.type == "BSDF_GLOSSY" and "base_color" in table:
+        table["base_color"] = [as_schlick(c) for c in table["base_color"]]
+        lost.append("that it mirrors as much at every angle: as bright as a whole")
     if node.type == "BSDF_DIFFUSE" and number(node, "Roughness"):
         lost.append("roughness of the diffuse shader")
-    if node.type == "BSDF_GLASS" and min(color(node.inputs["Color"])) < 0.99:
-        lost.append("the tint of its glass")
+    if node.type == "BSDF_GLASS":
+        own, is_lost = tint(node, "Color")
+        table.update(reflected=own, transmitted=own)
+        if is_lost:
+            lost.append("the image that tints its glass")
     if node.type == "EMISSION" and not any(s.is_linked for s in node.inputs):
         table["emission"] = [c * number(node, "Strength") for c in color(node.inputs["Color"])]
     return {k: v for k, v in table.items() if v is not None}, lost
+
+
+def is_smooth(material):
+    """Whether a material is smooth glass or a mirror, which cast caustics."""
+    node = shader_of(material)
+    if node is None or node.type not in {"BSDF_GLASS", "BSDF_GLOSSY", "BSDF_METALLIC", "BSDF_PRINCIPLED"}:
+        return False
+    shares = [number(node, name) or 0.0 for name in ("Metallic", "Transmission Weight")]
+    roughness = number(node, "Roughness")
+    return roughness is not None and roughness < 0.01 and (node.type != "BSDF_PRINCIPLED" or max(shares) >= GLASS)
 
 
 @contextmanager

@@ -105,6 +105,15 @@ def restore(scene, before):
             setattr(ob.data, key, value)
         ob.matrix_basis = Matrix(was["matrix"])
         ob.hide_render = was["hidden"]
+    surroundings = before.pop("surroundings", None)
+    if surroundings:
+        own, made = (bpy.data.worlds.get(surroundings[k]) for k in ("own", "name"))
+        if scene.world == made:
+            scene.world = own
+        if own is not None:
+            own.use_fake_user = surroundings["fake"]
+        if made is not None and made.users == 0:
+            bpy.data.worlds.remove(made)
     if before["world"] is not None and scene.world:
         found = lamps.background_of(scene.world)
         if found:
@@ -132,7 +141,9 @@ def apply(scene, folder, lights):
     for name, setting in settings.items():
         entry = record["lights"].get(name, {})
         ob = bpy.data.objects.get(entry.get("object", ""))
-        if "placed" in setting:
+        if setting.get("placed", {}).get("type") == "environment":
+            surround(scene, setting, before)
+        elif "placed" in setting:
             place(setting, ob, before)
         elif ob is not None and ob.type == "LIGHT":
             if ob.data.users > 1:
@@ -153,6 +164,9 @@ def apply(scene, folder, lights):
             ob = bpy.data.objects.get(entry.get("object", ""))
             if ob is not None and ob.name not in before["added"]:
                 ob.hide_render = True
+            node = lamps.background_of(scene.world) if entry.get("world") and "surroundings" not in before else None
+            if node is not None:
+                node[0].inputs["Strength"].default_value = 0.0
     value = found.get("background", {}).get("value", 1.0)
     for name in record["background"]:
         material = bpy.data.materials.get(name)
@@ -177,10 +191,27 @@ def place(setting, ob, before):
         spec["name"] = ob.name
         setter.set_lamp(spec)
         return
+    if ob is not None and ob.type == "LIGHT":
+        ob.hide_render = True  # One of another type stands in its place.
     spec["name"] = setting["name"]
     if spec["name"] in bpy.data.objects:
         spec["name"] += " (lightopt)"
     before["added"].append(setter.set_lamp(spec).name)
+
+
+def surround(scene, setting, before):
+    """Sets surroundings that the program chose, as a world of their own beside the scene's."""
+    own, placed = scene.world, setting["placed"]
+    before["surroundings"] = {"own": own.name if own else "", "name": ""}
+    scene.world = bpy.data.worlds.new("lightopt surroundings")
+    before["surroundings"]["name"] = scene.world.name
+    if own is not None:
+        own.use_fake_user, before["surroundings"]["fake"] = True, own.use_fake_user
+    color = setting.get("color") or placed.get("color") or [1.0, 1.0, 1.0]
+    luminance = lamps.luminance(color)
+    setter.set_world({"strength": setting["radiance"], "color": [c / luminance for c in color],
+                      "visible": own is None or own.cycles_visibility.camera, "image": placed["image"],
+                      "turn": math.radians(90.0 - placed.get("rotation", 0.0))}, "")
 
 
 def emission_of(material):

@@ -128,7 +128,7 @@ impl<'a> Blend<'a> {
             let r = facets.ggx.reflection(wo, wi);
             value = value + self.facet(r.cos) * r.brdf;
             if self.metallic > 0.0 {
-                let returned = conductor::returned(self.color, facets) * self.metallic;
+                let returned = conductor::returned(self.color, Rgb::ONE, facets) * self.metallic;
                 value = value + returned * facets.interreflection(o.loss, i.loss);
             }
             densities = [[r.pdf, facets.wide.pdf(wi.z).0], [r.pdf_rev, facets.wide.pdf(wo.z).0]];

@@ -1,4 +1,4 @@
-//! Metal: GGX reflection with Schlick's Fresnel, or a perfect mirror.
+//! Metal: GGX reflection with Schlick's Fresnel, or a perfect mirror. It may be tinted at its edge \[Kutz21\].
 //!
 //! Light that a facet sends into another leaves after all ([`super::facets`]),
 //! so that a metal of reflectance 1 is white under a white sky at any roughness.
@@ -32,6 +32,8 @@ use crate::math::{Rgb, SolidAnglePdf};
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor<'a> {
     pub(super) f0: Rgb,
+    /// Reflectance at 82 degrees over Schlick's.
+    edge: Rgb,
     /// Brightness that lobe selection uses, of `f0` at the largest background value.
     sampling_f0: f32,
     pub(super) facets: Option<FacetsPoint<'a>>,
@@ -48,8 +50,14 @@ impl<'a> Conductor<'a> {
     /// * `facets`: `None` is a perfect mirror
     #[must_use]
     pub fn new(f0: Rgb, sampling_f0: f32, facets: Option<FacetsPoint<'a>>) -> Self {
-        let returned = facets.map_or(Affine::ZERO, |facets| returned(f0, &facets));
-        Self { f0, sampling_f0, facets, returned }
+        Self::tinted(f0, Rgb::ONE, sampling_f0, facets)
+    }
+
+    /// A metal whose reflectance at 82 degrees is `edge` times Schlick's, in [0, 1]; see [`Self::new`].
+    #[must_use]
+    pub fn tinted(f0: Rgb, edge: Rgb, sampling_f0: f32, facets: Option<FacetsPoint<'a>>) -> Self {
+        let returned = facets.map_or(Affine::ZERO, |facets| returned(f0, edge, &facets));
+        Self { f0, edge, sampling_f0, facets, returned }
     }
 
     pub(super) fn evaluate(&self, wo: Vec3, wi: Vec3) -> Scattering {
@@ -61,7 +69,7 @@ impl<'a> Conductor<'a> {
             SolidAnglePdf((1.0 - wide) * mirror + wide * facets.wide.pdf(to).0)
         };
         Scattering {
-            value: fresnel::schlick(self.f0, r.cos) * r.brdf
+            value: fresnel::tinted(self.f0, self.edge, r.cos) * r.brdf
                 + self.returned * facets.interreflection(loss_o, loss_i),
             pdf: density(wo.z, loss_o, r.pdf, wi.z),
             pdf_rev: density(wi.z, loss_i, r.pdf_rev, wo.z),
@@ -79,7 +87,7 @@ impl<'a> Conductor<'a> {
             return None;
         }
         let Some(facets) = self.facets else {
-            let f = fresnel::schlick(self.f0, wo.z) * (1.0 / wo.z);
+            let f = fresnel::tinted(self.f0, self.edge, wo.z) * (1.0 / wo.z);
             return Some(BsdfSample::delta(reflect(wo), f, 1.0));
         };
         let wide = self.wide_probability(&facets, wo.z, facets.loss(Cosine::new(wo.z)));
@@ -94,10 +102,11 @@ impl<'a> Conductor<'a> {
 
 /// Share of the light passed between facets that metal facets return: exact at
 /// factor 0 on `f0` and at 1, and affine.
-pub(super) fn returned(f0: Rgb, facets: &FacetsPoint) -> Affine {
-    let at = |f0| fresnel::schlick_average(f0).map(|f| facets.returned(f));
-    let black = at(Rgb::ZERO);
-    Affine { coat: black, body: at(f0) - black }
+pub(super) fn returned(f0: Rgb, edge: Rgb, facets: &FacetsPoint) -> Affine {
+    let at = |f0| fresnel::tinted_average(f0, edge).map(|f| facets.returned(f));
+    let whole = at(f0);
+    let black = at(Rgb::ZERO).min(whole);
+    Affine { coat: black, body: whole - black }
 }
 
 /// What metal of brightness `f0` reflects at one facet, roughly: for choosing lobes.

@@ -1,6 +1,8 @@
 //! Glass: a smooth or GGX-rough interface between two dielectrics.
 //!
-//! `eta` is the IOR inside (local −z) over the IOR outside.
+//! `eta` is the IOR inside (local −z) over the IOR outside. Glass may be tinted at its surface: what a face
+//! reflects and what it lets pass have a factor each, on the light between facets too, by the side where it
+//! leaves. Directions are sampled as of clear glass.
 //!
 //! # Light between facets
 //!
@@ -101,15 +103,34 @@ impl Glass {
             let inside = self.average_transmittance / (self.eta * self.eta) * (1.0 / ratio).min(1.0);
             GlassFacets { ggx, losses, transmitted: [outside, inside], wide }
         });
-        Dielectric { eta: self.eta, facets }
+        Dielectric { eta: self.eta, facets, tint: GlassTint::CLEAR }
     }
 }
 
-/// A clear dielectric interface.
+/// Factors on the light at a face of glass, linear Rec.709 in [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GlassTint {
+    /// On what it reflects, from either side.
+    pub reflected: Rgb,
+    /// On what it lets pass, one way or the other; what goes through a body passes two faces.
+    pub transmitted: Rgb,
+}
+
+impl GlassTint {
+    /// Of clear glass.
+    pub const CLEAR: Self = Self { reflected: Rgb::ONE, transmitted: Rgb::ONE };
+
+    fn of(&self, is_reflection: bool) -> Rgb {
+        if is_reflection { self.reflected } else { self.transmitted }
+    }
+}
+
+/// A dielectric interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Dielectric<'a> {
     /// IOR inside over IOR outside.
     eta: f32,
+    pub(super) tint: GlassTint,
     /// `None` is perfectly smooth.
     pub(super) facets: Option<GlassFacets<'a>>,
 }
@@ -183,6 +204,12 @@ fn refract(w: Vec3, n: Vec3, eta: f32) -> Option<(Vec3, f32)> {
 }
 
 impl Dielectric<'_> {
+    /// The interface with another tint.
+    #[must_use]
+    pub fn tinted(self, tint: GlassTint) -> Self {
+        Self { tint, ..self }
+    }
+
     /// What a single facet loses of a white sky outside.
     pub(super) fn average_loss(&self) -> f32 {
         self.facets.map_or(0.0, |f| f.losses[0].average)
@@ -200,7 +227,7 @@ impl Dielectric<'_> {
             _ => energy,
         };
         Scattering {
-            value: Affine::coat(Rgb::splat(value)),
+            value: Affine::coat(self.tint.of(wo.z * wi.z > 0.0) * value),
             pdf: self.pdf(facets, wo, wi, losses[0]),
             pdf_rev: self.pdf(facets, wi, wo, losses[1]),
         }
@@ -266,12 +293,12 @@ impl Dielectric<'_> {
     fn sample_smooth(&self, wo: Vec3, uc: f32, mode: TransportMode) -> Option<BsdfSample> {
         let (r, _) = fresnel::dielectric(wo.z, self.eta);
         if uc < r {
-            let f = Affine::coat(Rgb::splat(r / wo.z.abs()));
+            let f = Affine::coat(self.tint.reflected * (r / wo.z.abs()));
             return Some(BsdfSample::delta(reflect(wo), f, r));
         }
         let (wi, eta_p) = refract(wo, Vec3::Z, self.eta)?;
         let t = scale_radiance(1.0 - r, eta_p, mode);
-        Some(BsdfSample::delta(wi, Affine::coat(Rgb::splat(t / wi.z.abs())), 1.0 - r))
+        Some(BsdfSample::delta(wi, Affine::coat(self.tint.transmitted * (t / wi.z.abs())), 1.0 - r))
     }
 }
 

@@ -40,6 +40,39 @@ pub fn schlick_average(f0: Rgb) -> Rgb {
     (f0 * 20.0 + 1.0) / 21.0
 }
 
+/// Cosine of incidence at which [`tinted`] metals have their edge tint, 82 degrees.
+const EDGE: f32 = 1.0 / 7.0;
+
+/// Reflectance of a metal whose reflectance at 82 degrees is `edge` times [`schlick`]'s, at a factor 0 and 1 on
+/// `f0` (0 the coat, 1 both) and affine between. \[Kutz21\], the model "F82"; what would be below 0 is 0.
+#[must_use]
+pub fn tinted(f0: Rgb, edge: Rgb, cos_theta: f32) -> Affine {
+    let schlick_at = |c| schlick(f0, c);
+    if edge == Rgb::ONE {
+        return schlick_at(cos_theta);
+    }
+    let c = cos_theta.clamp(0.0, 1.0);
+    let bump = |c: f32| c * (1.0 - c).powi(6);
+    affine(schlick_at(c), schlick_at(EDGE), (Rgb::ONE - edge) * (bump(c) / bump(EDGE)))
+}
+
+/// `of` less `share` of `at_edge`, at the factors 0 and 1 not below 0.
+fn affine(of: Affine, at_edge: Affine, share: Rgb) -> Affine {
+    let at = |v| (of.at(v) - at_edge.at(v) * share).max(Rgb::ZERO);
+    let whole = at(1.0);
+    // The factor may exceed 1: nothing may fall with it.
+    let coat = at(0.0).min(whole);
+    Affine { coat, body: whole - coat }
+}
+
+/// Mean of [`tinted`]'s reflectance over projected solid angle, 2 ∫ F(μ) μ dμ, of which nothing is below 0.
+#[must_use]
+pub fn tinted_average(f0: Rgb, edge: Rgb) -> Rgb {
+    // 2 ∫ μ² (1 − μ)⁶ dμ = 1/126.
+    let bump = 1.0 / (126.0 * EDGE * (1.0 - EDGE).powi(6));
+    (schlick_average(f0) - (Rgb::ONE - edge) * schlick(f0, EDGE).at(1.0) * bump).max(Rgb::ZERO)
+}
+
 /// Mean of [`dielectric`]'s reflectance over projected solid angle, from outside.
 ///
 /// From inside it is 1 − (1 − F)/η², for as much light passes one way as the other.
@@ -58,6 +91,26 @@ pub fn dielectric_average(eta: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_metal_has_its_tint_at_82_degrees_and_the_mean_of_its_reflectance() {
+        let (f0, edge) = (Rgb::new(0.9, 0.6, 0.3), Rgb::new(0.7, 0.4, 1.0));
+        let plain = schlick(f0, EDGE).at(1.0);
+        assert!((tinted(f0, edge, EDGE).at(1.0) - edge * plain).abs().max_element() < 1e-6);
+        for c in [0.0, 1.0] {
+            assert!((tinted(f0, edge, c).at(1.0) - schlick(f0, c).at(1.0)).abs().max_element() < 1e-6);
+        }
+        assert_eq!(tinted(f0, Rgb::ONE, 0.3), schlick(f0, 0.3));
+        let n = 1000;
+        let nodes = (0..n).map(|i| (i as f32 + 0.5) / n as f32);
+        let mean: Rgb = nodes.map(|c| tinted(f0, edge, c).at(1.0) * (2.0 * c / n as f32)).sum();
+        assert!((mean - tinted_average(f0, edge)).abs().max_element() < 1e-5);
+        // Black at normal incidence the formula is below 0 elsewhere.
+        for c in [0.02, 0.05, EDGE, 0.5, 0.9] {
+            let Affine { coat, body } = tinted(Rgb::splat(0.5), Rgb::ZERO, c);
+            assert!(coat.min_element() >= 0.0 && body.min_element() >= 0.0, "{c}");
+        }
+    }
 
     #[test]
     fn known_values() {

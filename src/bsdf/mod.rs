@@ -36,7 +36,7 @@ use crate::math::SolidAnglePdf;
 pub use affine::Affine;
 pub use blend::{Blend, Layer};
 pub use conductor::Conductor;
-pub use dielectric::{Dielectric, Glass};
+pub use dielectric::{Dielectric, Glass, GlassTint};
 pub use diffuse::Diffuse;
 pub use facets::{Facets, FacetsPoint};
 pub use plastic::{Coat, CoatPoint, Plastic};

@@ -16,6 +16,7 @@ use crate::math::Rgb;
 
 impl Bsdf<'_> {
     /// Albedo under a white sky; of glass, reflected and transmitted light from outside together.
+    /// Tints of glass and of a metal's edge are left out.
     #[must_use]
     pub fn white_sky_albedo(&self) -> Affine {
         match self {
@@ -62,7 +63,8 @@ fn mixture(
 }
 
 fn metal(b: &Conductor) -> Affine {
-    let between = b.facets.map_or(Affine::ZERO, |f| conductor::returned(b.f0, &f) * f.average_loss());
+    let between =
+        b.facets.map_or(Affine::ZERO, |f| conductor::returned(b.f0, Rgb::ONE, &f) * f.average_loss());
     single_metal(b) + between
 }
 

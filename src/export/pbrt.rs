@@ -38,6 +38,7 @@ use super::{
     ExportError, ExportJob, Exported, Exporter, directory::Directory, ply::Part, sheet::material_of,
 };
 use crate::{
+    bsdf::GlassTint,
     math::Rgb,
     scene::{Material, material::Model},
 };
@@ -155,8 +156,18 @@ impl Writer<'_> {
         };
         let of = match m.model() {
             Model::Diffuse => format!("\"diffuse\" {reflectance}"),
-            Model::Conductor => format!("\"conductor\" {reflectance} {rough}"),
-            Model::Dielectric => format!("\"dielectric\" {eta} {rough}"),
+            Model::Conductor => {
+                if m.edge_tint() != Rgb::ONE {
+                    self.warnings.push(format!("material `{}`: the tint of its edge is lost", m.name));
+                }
+                format!("\"conductor\" {reflectance} {rough}")
+            }
+            Model::Dielectric => {
+                if m.glass_tint() != GlassTint::CLEAR {
+                    self.warnings.push(format!("material `{}`: pbrt's glass has no tint", m.name));
+                }
+                format!("\"dielectric\" {eta} {rough}")
+            }
             Model::Thin => format!("\"thindielectric\" {eta}"),
             Model::Plastic if m.metallic() >= 0.5 => format!("\"conductor\" {reflectance} {rough}"),
             Model::Plastic => {

@@ -43,8 +43,6 @@ const DEFAULT_ALBEDO: f32 = 0.8;
 /// Height of white over black of a bump map with `-bm` 1, in widths of the image.
 /// MTL names no unit; in an image 1000 texels wide an edge of ten texels rises by 45 degrees.
 const BUMP_HEIGHT: f32 = 0.01;
-/// Colour below which glass is warned to lose it: clear glass is exported as 1 or a little less.
-const CLEAR: f32 = 0.9;
 /// Texels that tell normals from heights, at most: the standard error of a mean of values in [0, 1] is
 /// then below 0.004, a fortieth of the tolerances.
 const MAX_SAMPLES: usize = 1 << 14;
@@ -392,18 +390,16 @@ pub fn tint_sheet(m: &MtlMaterial, params: &mut MaterialParams) {
     }
 }
 
-/// What is to be said of the colour that a body of glass loses; `None` where it loses none.
-pub fn lost_color(m: &MtlMaterial, params: &MaterialParams) -> Option<String> {
-    let is_clear = |c: Rgb| c.min_element() >= CLEAR;
+/// Tints a body of glass, and returns what is to be said of a colour that it loses. What goes through it is of
+/// the colour that a sheet would have ([`tint_sheet`]), of which each face has the root.
+pub fn tint_body(m: &MtlMaterial, params: &mut MaterialParams) -> Option<String> {
     if params.model != Model::Dielectric {
         return None;
     }
-    if m.origin != Origin::Other {
-        let is_lost = !is_clear(params.base_color) || params.texture.is_some();
-        return is_lost.then(|| "the colour of its glass is ignored".into());
-    }
-    let [r, g, b] = m.tf.filter(|&tf| !is_clear(Rgb::from_array(tf)))?;
-    Some(format!("the colour of its glass, `Tf` {r} {g} {b}, is ignored"))
+    let mut sheet = params.clone();
+    tint_sheet(m, &mut sheet);
+    params.glass_tint.transmitted = sheet.base_color.map(f32::sqrt);
+    sheet.texture.is_some().then(|| "the image of the colour of its glass is ignored".into())
 }
 
 /// The parameters with the pure model of a metal, if the surface is metal everywhere.

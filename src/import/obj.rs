@@ -97,8 +97,8 @@ pub fn load_within(path: &Path, crease: f32, reach: &Reach) -> Result<Imported, 
     let mut mesh = with_normals(&raw, &plain.parts, crease);
     let tinted = |m: usize, p: &mut MaterialParams| mtl_params::tint_sheet(&library[m], p);
     sheets::make_thin(&mut mesh, &mut materials, |m| m < library.len(), tinted, &mut warnings);
-    for (m, (name, params)) in library.iter().zip(&materials) {
-        if let Some(lost) = mtl_params::lost_color(m, params) {
+    for (m, (name, params)) in library.iter().zip(&mut materials) {
+        if let Some(lost) = mtl_params::tint_body(m, params) {
             warnings.about("material", name, lost);
         }
     }

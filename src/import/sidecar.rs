@@ -352,6 +352,12 @@ pub struct MaterialSpec {
     pub roughness: Option<f64>,
     /// Index of refraction in (1, 4].
     pub ior: Option<f64>,
+    /// Factor on what each face of a body of glass reflects, linear Rec.709 in [0, 1].
+    pub reflected: Option<[f64; 3]>,
+    /// Factor on what each face of a body of glass lets pass.
+    pub transmitted: Option<[f64; 3]>,
+    /// Factor on a metal's reflectance at 82 degrees, linear Rec.709 in [0, 1].
+    pub edge_tint: Option<[f64; 3]>,
     /// Weight in [0, 1] of a metal of the same base colour and roughness.
     pub metallic: Option<f64>,
     /// Weight in [0, 1] of a plastic's coat.

@@ -7,8 +7,8 @@ use glam::Vec2;
 use super::texture::{ScalarMap, Texture};
 use crate::{
     bsdf::{
-        Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, Thin, microfacet::Ggx,
-        thin::average_reflectance,
+        Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, GlassTint, Layer, Plastic, Thin,
+        microfacet::Ggx, thin::average_reflectance,
     },
     math::{Rgb, luminance},
 };
@@ -21,7 +21,7 @@ pub enum Model {
     Diffuse,
     /// Metal; the base colour is the reflectance at normal incidence.
     Conductor,
-    /// Clear glass: specular or rough reflection and transmission; without base colour.
+    /// Glass: specular or rough reflection and transmission; without base colour, but for its tint.
     Dielectric,
     /// Lambertian base under a dielectric coat.
     Plastic,
@@ -67,6 +67,10 @@ pub struct MaterialParams {
     pub roughness_map: Option<ScalarMap>,
     /// Index of refraction of a dielectric or of a coat, relative to air.
     pub ior: f32,
+    /// Tint of a body of glass.
+    pub glass_tint: GlassTint,
+    /// Reflectance of a [`Model::Conductor`] at 82 degrees over Schlick's, in [0, 1].
+    pub edge_tint: Rgb,
     /// Weight in [0, 1] of a plastic with its coat; the rest is the bare diffuse base.
     pub specular: f32,
     /// Image that multiplies the weight of the coat.
@@ -120,6 +124,8 @@ impl Default for MaterialParams {
             roughness: 0.5,
             roughness_map: None,
             ior: 1.5,
+            glass_tint: GlassTint::CLEAR,
+            edge_tint: Rgb::ONE,
             specular: 1.0,
             specular_map: None,
             metallic: 0.0,
@@ -299,6 +305,18 @@ impl Material {
         self.params.ior
     }
 
+    /// Tint of a body of glass.
+    #[must_use]
+    pub fn glass_tint(&self) -> GlassTint {
+        self.params.glass_tint
+    }
+
+    /// Reflectance of a [`Model::Conductor`] at 82 degrees over Schlick's, in [0, 1].
+    #[must_use]
+    pub fn edge_tint(&self) -> Rgb {
+        self.params.edge_tint
+    }
+
     /// Weight of a plastic's coat without its image.
     #[must_use]
     pub fn specular(&self) -> f32 {
@@ -435,7 +453,7 @@ impl Material {
         // Tables of one slope know it.
         let alpha = alpha.or(self.alpha).unwrap_or(Ggx::MIN_ALPHA);
         let layer = match &self.tables {
-            Tables::Glass(glass) => return Bsdf::Dielectric(glass.at(alpha)),
+            Tables::Glass(glass) => return Bsdf::Dielectric(glass.at(alpha).tinted(p.glass_tint)),
             Tables::Sheet { facets, average } => {
                 let facets = facets.as_ref().map(|f| f.at(alpha));
                 return Bsdf::Thin(Thin { eta: p.ior, average: *average, tint: self.color(uv), facets });
@@ -448,7 +466,8 @@ impl Material {
         let sampling_color = luminance(base) * sampling_value;
         let metallic = scaled(p.metallic, p.metallic_map.as_ref(), uv);
         if p.model == Model::Conductor || metallic >= 1.0 {
-            return Bsdf::Conductor(Conductor::new(base, sampling_color, layer.facets()));
+            let edge = if p.model == Model::Conductor { p.edge_tint } else { Rgb::ONE };
+            return Bsdf::Conductor(Conductor::tinted(base, edge, sampling_color, layer.facets()));
         }
         let specular =
             if layer.coat().is_some() { scaled(p.specular, p.specular_map.as_ref(), uv) } else { 0.0 };

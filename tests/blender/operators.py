@@ -83,6 +83,8 @@ def lost(program):
     scene.view_settings.look = "AgX - Punchy"
     scenes.sweep(scenes.material("paper", (0.6, 0.6, 0.6), roughness=0.5))
     ball = scenes.add("uv_sphere", "ball", (0, 0, 0.5), scenes.material("clay", (0.7, 0.4, 0.3)), scale=0.5)
+    scenes.add("cube", "pane", (-1, 1, 0.5), scenes.glass("window", (1, 1, 1), 0.0), size=0.4)
+    scenes.lamp("POINT", "dot", (0, -2, 2), energy=10.0, shadow_soft_size=0.0)
     mixed = scenes.material("mixed", (0.5, 0.5, 0.5), roughness=0.5)
     tree = mixed.node_tree
     mix = tree.nodes.new("ShaderNodeMixShader")
@@ -105,7 +107,7 @@ def lost(program):
     bpy.ops.lightopt.check()
     lines = [line.text for line in scene.lightopt.lost]
     for words in ("noded: its IES profile", "linked: light linking", "linked: its spread", "portal: a portal",
-                  "tuft: hair", "volumes", "material mixed: its shader (Mix Shader)", "look AgX - Punchy"):
+                  "tuft: hair", "volumes", "material mixed: its shader (Mix Shader)", "dot: without a size Cycles shows", "look AgX - Punchy"):
         check(f"listed: {words}", any(words in line for line in lines))
     sidecar = (Path(scene.lightopt.folder_path()) / "scene.toml").read_text()
     check("a portal is left out", 'name = "portal"' not in sidecar and 'name = "linked"' in sidecar)

@@ -209,7 +209,7 @@ def still():
     brass.use_nodes = True
     brass.node_tree.nodes.clear()
     metal = brass.node_tree.nodes.new("ShaderNodeBsdfMetallic")
-    metal.inputs["Base Color"].default_value, metal.inputs["Roughness"].default_value = (0.9, 0.75, 0.4, 1), 0.4
+    metal.inputs["Base Color"].default_value, metal.inputs["Roughness"].default_value = (0.9, 0.75, 0.4, 1), 0.2
     brass.node_tree.links.new(metal.outputs[0], brass.node_tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
     pot = add("cylinder", "pot", (0, 0, 0.4), brass, radius=0.4, depth=0.8, vertices=64)
     bpy.ops.object.shade_auto_smooth(angle=0.6)
@@ -251,4 +251,43 @@ def still():
     select(pot)
 
 
-SCENES = {"studio": (studio, True), "portrait": (portrait, False), "hdri": (hdri, False), "still": (still, False)}
+def glass(name, color, roughness, ior=1.45):
+    """A Principled BSDF that lets all light pass."""
+    m = material(name, color, roughness)
+    inputs = next(n for n in m.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs
+    inputs["Transmission Weight"].default_value, inputs["IOR"].default_value = 1.0, ior
+    return m
+
+
+def vitrine():
+    """Glass: smooth with Blender's own base colour of 0.8, rough and coloured, a Glass BSDF; metal with an edge tint, a
+    world's colour."""
+    scene = empty("Standard")
+    sweep(material("paper", (0.6, 0.6, 0.6)), width=6.0, front=3.0, back=2.0, height=3.0, radius=0.8)
+    ball = add("uv_sphere", "ball", (0, 0, 0.55), glass("clear", (0.8, 0.8, 0.8), 0.0), scale=0.5, segments=64, ring_count=32)
+    bpy.ops.object.shade_smooth()
+    add("uv_sphere", "frosted", (-0.95, 0.3, 0.36), glass("frost", (0.9, 0.6, 0.4), 0.3), scale=0.35, segments=48,
+        ring_count=24)
+    bpy.ops.object.shade_smooth()
+    block = material("block", (0, 0, 0))
+    tree = block.node_tree
+    shader = tree.nodes.new("ShaderNodeBsdfGlass")
+    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (0.5, 0.8, 0.7, 1), 0.0
+    tree.links.new(shader.outputs[0], next(n for n in tree.nodes if n.type == "OUTPUT_MATERIAL").inputs["Surface"])
+    add("cube", "block", (-0.55, -0.75, 0.17), block, size=0.3)
+    steel = material("steel", (0.8, 0.78, 0.75), roughness=0.3, metallic=1.0)
+    next(n for n in steel.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs["Specular Tint"].default_value = \
+        (0.6, 0.7, 0.8, 1)
+    add("uv_sphere", "metal", (1.0, 0.6, 0.36), steel, scale=0.35, segments=48, ring_count=24)
+    bpy.ops.object.shade_smooth()
+    lamp("AREA", "Key", (1.5, -1.8, 2.4), shape="RECTANGLE", size=0.9, size_y=0.6, energy=90.0)
+    lamp("POINT", "Bulb", (-1.6, -1.0, 1.6), energy=35.0, shadow_soft_size=0.12)
+    world = scene.world = bpy.data.worlds.new("World")
+    background = next(n for n in world.node_tree.nodes if n.type == "BACKGROUND")
+    background.inputs["Color"].default_value, background.inputs["Strength"].default_value = (0.4, 0.55, 0.8, 1), 0.3
+    camera((0.3, -4.5, 1.6), (0, 0, 0.6), (128, 96))
+    select(ball)
+
+
+SCENES = {"studio": (studio, True), "portrait": (portrait, False), "hdri": (hdri, False), "still": (still, False),
+          "vitrine": (vitrine, False)}

@@ -736,6 +736,13 @@ fn the_sidecar_overrides_what_the_mtl_says_of_a_material() {
     // A model is pure unless the sidecar itself says otherwise.
     let m = of("Pm 0.4\nd 0.5\n", "model = \"dielectric\"");
     assert!(m.model() == Model::Dielectric && !m.is_translucent());
+    let m = of("", "model = \"dielectric\"\nreflected = [0.1, 0.2, 0.3]\ntransmitted = [1, 0.5, 0]");
+    assert_eq!(m.glass_tint().reflected, Vec3::new(0.1, 0.2, 0.3));
+    assert_eq!(m.glass_tint().transmitted, Vec3::new(1.0, 0.5, 0.0));
+    assert_eq!(
+        of("", "model = \"conductor\"\nedge_tint = [0.5, 0.5, 1]").edge_tint(),
+        Vec3::new(0.5, 0.5, 1.0)
+    );
     let m = of("Pm 0.4\nd 0.5\n", "model = \"diffuse\"");
     assert!(m.metallic() == 0.0 && m.opacity(Vec2::ZERO) == 0.5);
     assert_eq!(of("", "model = \"plastic\"\nmetallic = 0.1").metallic(), 0.1);

@@ -136,7 +136,9 @@ impl<'a> Surfaces<'a> {
             "roughnessFactor": short(if is_diffuse { 1.0 } else { m.roughness() }),
         });
         let opacity = short(m.opacity_factor());
-        match m.texture() {
+        // What goes through a body of glass passes two faces.
+        let tint = if m.model() == Model::Dielectric { m.glass_tint().transmitted.powf(2.0) } else { tint };
+        match m.texture().filter(|_| m.model() != Model::Dielectric) {
             None => {
                 surface["baseColorFactor"] = json!([short(tint.x), short(tint.y), short(tint.z), opacity]);
             }
@@ -167,11 +169,18 @@ impl<'a> Surfaces<'a> {
         } else if metallic < 1.0 {
             extend(self, "KHR_materials_ior", json!({"ior": short(m.ior())}));
         }
+        if m.model() == Model::Conductor && m.edge_tint() != Rgb::ONE {
+            self.warnings.push(format!("material `{}`: the tint of its edge is lost", m.name));
+        }
         if m.model().transmits() {
             extend(self, "KHR_materials_transmission", json!({"transmissionFactor": 1.0}));
         }
         if m.model() == Model::Dielectric {
             extend(self, "KHR_materials_volume", json!({"thicknessFactor": 1.0}));
+            if m.glass_tint().reflected != Rgb::ONE {
+                self.warnings
+                    .push(format!("material `{}`: the tint of what its glass reflects is lost", m.name));
+            }
         }
         let lit = self.job.lights().find(|l| material_of(self.job, l.light) == Some(index));
         if let Some(l) = lit.filter(|l| !l.is_dark()) {

@@ -7,7 +7,7 @@ use super::{
     xml::{boolean, element, float, rgb, string, texture},
 };
 use crate::{
-    bsdf::{microfacet::Ggx, plastic::internal_reflectance},
+    bsdf::{GlassTint, microfacet::Ggx, plastic::internal_reflectance},
     math::Rgb,
     scene::{
         Material,
@@ -129,7 +129,10 @@ impl Writer<'_> {
     }
 
     fn dielectric(&mut self, s: &Surface) -> Result<String, ExportError> {
-        let ior = refraction(s.material);
+        let GlassTint { reflected, transmitted } = s.material.glass_tint();
+        let tints = [("specular_reflectance", reflected), ("specular_transmittance", transmitted)];
+        let tints = tints.into_iter().filter(|(_, c)| *c != Rgb::ONE).map(|(name, c)| rgb(name, c));
+        let ior = refraction(s.material) + &tints.collect::<String>();
         Ok(match self.alpha(s)? {
             None => element("bsdf", "dielectric", &ior),
             Some(alpha) => element("bsdf", "roughdielectric", &(ggx(&alpha) + &ior)),
@@ -232,6 +235,9 @@ impl Writer<'_> {
     }
 
     fn metal(&mut self, s: &Surface) -> Result<String, ExportError> {
+        if s.material.edge_tint() != Rgb::ONE {
+            self.warn(s.material, "the tint of its edge is lost");
+        }
         let is_smooth = s.material.alpha().is_none() && s.material.roughness_map().is_none();
         if is_smooth && s.material.texture().is_none() && s.tint == Rgb::ONE {
             return Ok(element("bsdf", "conductor", &string("material", "none")));

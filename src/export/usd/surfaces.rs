@@ -6,6 +6,7 @@ use glam::{Affine2, DVec3, Vec2, Vec3};
 
 use super::{Attributes, Layer, float, triple};
 use crate::{
+    bsdf::GlassTint,
     export::{ExportError, ply::Part, sheet::material_of},
     math::Rgb,
     scene::{
@@ -76,6 +77,12 @@ impl Layer<'_> {
                 inputs = inputs.put("color3f", "inputs:diffuseColor.connect", source);
                 nodes = image_nodes(&path, &file, image);
             }
+        }
+        if m.model() == Model::Conductor && m.edge_tint() != Rgb::ONE {
+            self.warnings.push(format!("material `{}`: the tint of its edge is lost", m.name));
+        }
+        if m.model() == Model::Dielectric && m.glass_tint() != GlassTint::CLEAR {
+            self.warnings.push(format!("material `{}`: the tint of its glass is lost", m.name));
         }
         let metallic = if m.model() == Model::Conductor { 1.0 } else { m.metallic() };
         inputs = inputs

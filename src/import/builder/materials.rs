@@ -65,6 +65,16 @@ impl Source<'_> {
         if let Some(c) = spec.base_color {
             params.base_color = self.albedo(&key("base_color"), c)?;
         }
+        let tint = &mut params.glass_tint;
+        for (k, given, color) in [
+            ("reflected", spec.reflected, &mut tint.reflected),
+            ("transmitted", spec.transmitted, &mut tint.transmitted),
+            ("edge_tint", spec.edge_tint, &mut params.edge_tint),
+        ] {
+            if let Some(c) = given {
+                *color = self.albedo(&key(k), c)?;
+            }
+        }
         for (k, given, value) in [
             ("roughness", spec.roughness, &mut params.roughness),
             ("metallic", spec.metallic, &mut params.metallic),

@@ -46,9 +46,6 @@ const MIN_IOR: f32 = 1.001;
 const NOT_NEGATIVE: [f32; 2] = [0.0, f32::INFINITY];
 /// Extension that makes glass solid.
 const VOLUME: &str = "KHR_materials_volume";
-/// Base colour below which glass is warned to lose its colour: clear glass is exported as 1 or a
-/// little less.
-const CLEAR: f32 = 0.9;
 
 /// The materials that triangles use, each read when it is first met.
 pub struct Materials<'a> {
@@ -126,15 +123,16 @@ impl<'a> Materials<'a> {
         self.uv_mappings[id as usize]
     }
 
-    /// Makes the glass of open surfaces thin where the file leaves it open, and says where a body of glass
-    /// loses its colour.
+    /// Makes the glass of open surfaces thin where the file leaves it open, and tints bodies: a face lets the root
+    /// of the base colour pass, so that a body is of the colour that a sheet would be. Blender renders it so. An
+    /// image of it is lost, and said to be.
     pub fn finish_glass(&mut self, mesh: &mut Mesh, warnings: &mut Warnings) {
         let may_be_thin = std::mem::take(&mut self.may_be_thin);
         sheets::make_thin(mesh, &mut self.list, |m| may_be_thin[m], |_, _| {}, warnings);
-        for (name, params) in &self.list {
-            let is_colored = params.base_color.min_element() < CLEAR || params.texture.is_some();
-            if params.model == Model::Dielectric && is_colored {
-                warnings.about("material", name, "the colour of its glass is ignored".into());
+        for (name, params) in self.list.iter_mut().filter(|(_, p)| p.model == Model::Dielectric) {
+            params.glass_tint.transmitted = params.base_color.map(f32::sqrt);
+            if params.texture.is_some() {
+                warnings.about("material", name, "the image of the colour of its glass is ignored".into());
             }
         }
     }
@@ -241,7 +239,7 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// `KHR_materials_transmission`: clear glass from [`GLASS`] on. Without a volume it is thin by the format;
+    /// `KHR_materials_transmission`: glass from [`GLASS`] on. Without a volume it is thin by the format;
     /// Blender writes none, and renders what is closed as a body.
     fn transmit(&self, transmission: &Transmission, out: &mut MaterialParams, context: &mut MaterialContext) {
         let share = context.number("transmissionFactor", transmission.transmission_factor.0, UNIT);

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec2, Vec3};
 use lightopt_embree::{
     bsdf::{
-        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, Layer, Plastic, Thin,
+        Affine, Blend, Bsdf, Coat, Conductor, Diffuse, Facets, Glass, GlassTint, Layer, Plastic, Thin,
         TransportMode::{Importance, Radiance},
         microfacet::Ggx,
         thin::average_reflectance,
@@ -292,6 +292,13 @@ fn smooth_models_without_absorption_lose_nothing() {
             };
             assert!((total - 1.0).abs() < 1e-6, "{wo} {mode:?}: {total}");
             assert!((lobes.iter().map(|l| l.1).sum::<f64>() - 1.0).abs() < 1e-6);
+            // Tinted, each lobe has its factor, and is chosen as before.
+            let tint = GlassTint { reflected: Rgb::splat(0.25), transmitted: Rgb::splat(0.5) };
+            let tinted = Bsdf::Dielectric(keep(Glass::smooth(ETA)).at(0.0).tinted(tint));
+            for (a, b) in lobes.iter().zip(delta_lobes(&tinted, wo, mode)) {
+                let factor = if wo.z * b.2.z > 0.0 { 0.25 } else { 0.5 };
+                assert!((b.0 - factor * a.0).abs() < 1e-6 && (b.1, b.2) == (a.1, a.2), "{wo} {mode:?}");
+            }
         }
     }
     // Diffuse under a smooth coat, also in part and with metal: the base returns all that enters.

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::Vec3;
 use lightopt_embree::{
     bsdf::{
-        Bsdf, Conductor, Glass,
+        Bsdf, Conductor, Facets, Glass, GlassTint,
         TransportMode::{self, Importance, Radiance},
         microfacet::Ggx,
     },
@@ -110,6 +110,17 @@ fn sampling_in_both_modes_measures_one_operator() {
     let h = |b: Vec3| f64::from(1.0 - 0.4 * b.y + 0.8 * b.x * b.z - 0.5 * b.z);
     let mut cases: Vec<(&str, Bsdf)> = CASES.iter().map(|c| (c.name.as_str(), c.bsdf)).collect();
     cases.push(("glass", smooth_glass()));
+    let tint = GlassTint { reflected: Rgb::splat(0.6), transmitted: Rgb::splat(0.8) };
+    for (name, glass) in
+        [("tinted glass", Glass::smooth(ETA)), ("tinted rough glass", Glass::rough(ETA, 0.3))]
+    {
+        cases.push((name, Bsdf::Dielectric(keep(glass).at(0.3).tinted(tint))));
+    }
+    let facets = Some(keep(Facets::new(0.3)).at(0.3));
+    cases.push((
+        "metal of a dark edge",
+        Bsdf::Conductor(Conductor::tinted(Rgb::ONE, Rgb::splat(0.3), 1.0, facets)),
+    ));
     cases.push(("mirror", Bsdf::Conductor(Conductor::new(Rgb::splat(0.5), 0.5, None))));
     // The narrowest lobes, too narrow to be integrated as densities.
     let narrowest = keep(Glass::rough(ETA, Ggx::MIN_ALPHA)).at(0.0);
