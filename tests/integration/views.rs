@@ -6,6 +6,7 @@ use lightopt_embree::{
     film::exr::read_exr,
     math::{Measure, ViewTransform},
 };
+use predicates::str::contains;
 use serde_json::Value;
 
 use crate::room::{MTL, OBJ, QUICK, Room, TOML};
@@ -259,8 +260,8 @@ fn locked_lights_keep_their_bits_and_tied_ones_their_ratio() {
 fn views_of_opencolorio_need_the_feature() {
     let room = Room::new();
     room.write("studio.ocio", "ocio_profile_version: 2\n");
-    let error = room.fail_at_once(&["render", "room.obj", "--view", "ocio:studio.ocio"]);
-    assert!(error.contains("--view") && error.contains("cargo build --release --features ocio"), "{error}");
+    let usage = room.command(&["render", "room.obj", "--view", "ocio:studio.ocio"]).assert().code(2);
+    usage.stderr(contains("--view")).stderr(contains("cargo build --release --features ocio"));
     let named = Room::with(OBJ, MTL, &format!("view = \"ocio:studio.ocio\"\n{TOML}"));
     named.write("studio.ocio", "ocio_profile_version: 2\n");
     let error = named.fail_at_once(&["render", "room.obj"]);
@@ -313,6 +314,9 @@ fn a_view_of_opencolorio_is_shown_measured_and_recorded() {
         error.contains("room.toml: `view`: a configuration of OpenColorIO names further files"),
         "{error}"
     );
-    let error = room.fail_at_once(&["render", "room.obj", "--view", "ocio:colours/studio.ocio:sRGB:Flim"]);
-    assert!(error.contains("--view") && error.contains("`Flim` is no view of that display"), "{error}");
+    let wrong = ["render", "room.obj", "--view", "ocio:colours/studio.ocio:sRGB:Flim"];
+    room.command(&wrong)
+        .assert()
+        .code(2)
+        .stderr(contains("`Flim` is no view of that display; it has Film, Plain"));
 }
