@@ -299,7 +299,8 @@ def of_view(scene):
     view, lost = scene.view_settings, []
     name = VIEWS.get(view.view_transform)
     if name is None:
-        lost.append(f"view transform {view.view_transform}: measured as Standard; the panel can set Standard")
+        known = "AgX, Filmic, Standard, Khronos PBR Neutral and Raw"
+        lost.append(f"view transform {view.view_transform}: measured as Standard; known are {known}")
     if view.look not in {"None", ""}:
         lost.append(f"look {view.look}")
     if abs(view.gamma - 1.0) > 1e-6:

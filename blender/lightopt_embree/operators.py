@@ -6,7 +6,7 @@ import shlex
 
 import bpy
 
-from . import export, program, results
+from . import export, lamps, program, results
 
 # The run at work, or None; asked by a timer, so that Blender stays usable.
 RUN = {"run": None, "scene": None}
@@ -190,14 +190,19 @@ class LIGHTOPT_OT_back(Operator):
         context.scene.lightopt.said = "as before" if results.back(context.scene) else "nothing was applied"
 
 
-class LIGHTOPT_OT_standard(Operator):
-    bl_idname, bl_label = "lightopt.standard", "Use Standard"
-    bl_description = "Set the view transform that the program knows: Standard, without a look"
+class LIGHTOPT_OT_known_view(Operator):
+    bl_idname, bl_label = "lightopt.known_view", "Set a Known View"
+    bl_description = (
+        "Keep the view transform where the program knows it (AgX, Filmic, Standard, Khronos PBR Neutral, Raw), else set "
+        "Standard; without a look and with a gamma of 1"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     def work(self, context):
         view = context.scene.view_settings
-        view.view_transform, view.look, view.gamma = "Standard", "None", 1.0
+        if view.view_transform not in lamps.VIEWS:
+            view.view_transform = "Standard"
+        view.look, view.gamma = "None", 1.0
 
 
 class LIGHTOPT_OT_open(Operator):
@@ -211,4 +216,4 @@ class LIGHTOPT_OT_open(Operator):
 
 
 CLASSES = (LIGHTOPT_OT_check, LIGHTOPT_OT_find, LIGHTOPT_OT_cancel, LIGHTOPT_OT_apply, LIGHTOPT_OT_back,
-           LIGHTOPT_OT_standard, LIGHTOPT_OT_open)
+           LIGHTOPT_OT_known_view, LIGHTOPT_OT_open)

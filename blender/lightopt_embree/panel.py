@@ -46,12 +46,14 @@ class LIGHTOPT_PT_panel(bpy.types.Panel):
         if s.main is None:
             n = sum(o.type not in {"LIGHT", "CAMERA"} for o in context.selected_objects)
             layout.label(text=f"Main object: the selection, {n} object{'s' if n != 1 else ''}")
-        if context.scene.view_settings.view_transform not in lamps.VIEWS or \
-                context.scene.view_settings.look not in {"None", ""}:
+        view = context.scene.view_settings
+        is_known = view.view_transform in lamps.VIEWS
+        if not is_known or view.look not in {"None", ""}:
             row = layout.row()
             row.alert = True
-            row.label(text="This view is not known to the program", icon="ERROR")
-            row.operator("lightopt.standard")
+            what = f"The look {view.look}" if is_known else f"The view {view.view_transform}"
+            row.label(text=f"{what} is not known to the program", icon="ERROR")
+            row.operator("lightopt.known_view")
         column = layout.column(heading="May vary")
         for name in ("power", "size", "color", "position", "background", "exposure"):
             column.prop(s, name)

@@ -175,7 +175,10 @@ def set_camera(spec):
 def set_view(name, stops):
     """Sets the view transform and the exposure, in stops."""
     view = bpy.context.scene.view_settings
-    view.view_transform = name
+    try:
+        view.view_transform = name
+    except TypeError:
+        print(f"this Blender has no view transform {name}, which stays {view.view_transform}")
     view.look = "None"
     view.exposure, view.gamma = stops, 1.0
 

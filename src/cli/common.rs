@@ -1,6 +1,6 @@
 //! Options that several subcommands share.
 
-use std::path::Path;
+use std::{ffi::OsStr, path::Path};
 
 use anyhow::{Context, bail};
 use clap::{
@@ -20,7 +20,7 @@ use crate::{
     import::{self, LoadOptions, Loaded, sidecar::CameraName},
     integrator::{Integrator, IntegratorKind},
     lighting::{self, Lighting, MAX_EXPOSURE},
-    math::{ViewTransform, display::LuminanceMode},
+    math::{ViewTransform, display::LuminanceMode, view::OCIO},
     photo::{Look, Matched},
     picture::Note,
     sampler::SamplerKind,
@@ -283,15 +283,58 @@ impl ViewArgs {
                  default is --view agx, or `view = \"agx\"` in the sidecar",
             );
         }
-        view.unwrap_or_default()
+        let view = view.unwrap_or_default();
+        say_view(view, say);
+        view
+    }
+}
+
+/// Says what a user should know of how a view is taken.
+pub fn say_view(view: ViewTransform, say: impl Fn(&str)) {
+    if let ViewTransform::Ocio(view) = view {
+        view.notes().iter().for_each(|note| say(note));
     }
 }
 
 /// Parses a view.
 pub fn views() -> impl TypedValueParser<Value = ViewTransform> {
-    let possible = ViewTransform::ALL.map(|view| PossibleValue::new(view.name()).help(view.help()));
-    let named = |name: &str| ViewTransform::ALL.into_iter().find(|view| view.name() == name);
-    PossibleValuesParser::new(possible).try_map(move |name| named(&name).ok_or("no such view"))
+    ViewParser
+}
+
+/// The parser of [`views`]: one of several names, or that of a configuration.
+#[derive(Clone)]
+struct ViewParser;
+
+impl TypedValueParser for ViewParser {
+    type Value = ViewTransform;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<ViewTransform, clap::Error> {
+        let name = match value.to_str() {
+            Some(name) if name.starts_with(OCIO) => name.to_owned(),
+            _ => PossibleValuesParser::new(own_views()).parse_ref(command, arg, value)?,
+        };
+        let named = |name: &str| -> Result<ViewTransform, String> {
+            let view = ViewTransform::named(name, Path::new("")).map_err(|e| e.to_string())?;
+            view.ok_or_else(|| "no such view".into())
+        };
+        TypedValueParser::parse_ref(&named, command, arg, OsStr::new(&name))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let of_studios = PossibleValue::new("ocio:CONFIG[:DISPLAY:VIEW]")
+            .help("A view of a configuration of OpenColorIO, its first display and view by default");
+        Some(Box::new(own_views().into_iter().chain([of_studios])))
+    }
+}
+
+/// The program's own views, as the help lists them.
+fn own_views() -> [PossibleValue; 5] {
+    ViewTransform::ALL.map(|view| PossibleValue::new(view.name()).help(view.help()))
 }
 
 /// Parses an exposure: a number from 1 / [`MAX_EXPOSURE`] to [`MAX_EXPOSURE`].

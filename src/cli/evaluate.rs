@@ -8,8 +8,12 @@ use clap::Args;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::common::{MatchArgs, say_look, say_notes, views};
-use super::{LuminanceArg, output::one_line, parse_exposure, print, print_json};
+use super::common::{MatchArgs, say_look, say_notes, say_view, views};
+use super::{
+    LuminanceArg,
+    output::{one_line, say},
+    parse_exposure, print, print_json,
+};
 use crate::film::image_file::{MaskImage, read_mask};
 use crate::math::{Measure, ViewTransform};
 use crate::objective::{Evaluation, Goal, LABELLINGS, LuminanceMode, Replicates, Target};
@@ -160,6 +164,7 @@ fn load(args: &EvaluateArgs, look: Option<Look>) -> anyhow::Result<Subject> {
     let stored = stored(path, &picture)?;
     let luminance = args.luminance.map(Into::into).or(stored.luminance).unwrap_or_default();
     let view = args.view.or(stored.view).unwrap_or_default();
+    say_view(view, say);
     ensure!(
         view == ViewTransform::Srgb || picture.colour.transfer == Transfer::Linear,
         "{}: --view {view}: the picture is already encoded for a display; a view needs light, as an EXR or HDR \

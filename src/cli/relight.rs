@@ -7,8 +7,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::{
-    common::{LuminanceArg, views},
-    output::print,
+    common::{LuminanceArg, say_view, views},
+    output::{print, say},
 };
 use crate::{
     audit::{lights::LightsFile, picture, stored::About},
@@ -85,6 +85,7 @@ pub fn relight(args: &RelightArgs) -> anyhow::Result<()> {
         view = view.or(file.view);
     }
     let view = view.unwrap_or(about.view);
+    say_view(view, say);
     let exposure = x.exposure;
     let shown = basis.picture(&x);
     let denoised = match (args.denoise, &about.features) {

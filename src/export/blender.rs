@@ -88,6 +88,12 @@ impl Exporter for Blender {
                 "Blender's Khronos PBR Neutral is darker in the shadows than the published curve".into(),
             );
         }
+        if let ViewTransform::Ocio(view) = job.display {
+            script.warnings.push(format!(
+                "view {}: Blender has it where the environment variable OCIO names that configuration",
+                view.view()
+            ));
+        }
         let data = json!({
             "lamps": script.lamps,
             "world": world,
@@ -240,6 +246,7 @@ fn view_name(view: ViewTransform) -> &'static str {
         ViewTransform::Filmic => "Filmic",
         ViewTransform::PbrNeutral => "Khronos PBR Neutral",
         ViewTransform::Linear => "Raw",
+        ViewTransform::Ocio(view) => view.view(),
     }
 }
 

@@ -95,6 +95,12 @@ impl Reach {
         Ok(Self { folder: Some([plain(&named), fs::canonicalize(folder).map_err(error)?]) })
     }
 
+    /// Whether reading is confined to a folder.
+    #[must_use]
+    pub fn is_confined(&self) -> bool {
+        self.folder.is_some()
+    }
+
     /// Whether `path` is within reach, links resolved. A file that does not exist is, if one of its name
     /// would be.
     #[must_use]

@@ -20,7 +20,7 @@ use super::{
     gltf,
     imported::Imported,
     obj,
-    sidecar::{CameraName, DEFAULT_CREASE, LightSpec, LightType, SCHEMA, Selection, Sidecar},
+    sidecar::{CameraName, DEFAULT_CREASE, LightSpec, LightType, SCHEMA, Selection, Sidecar, ViewSpec},
     stage::{self, StageOptions, Staging},
 };
 use crate::{
@@ -283,7 +283,7 @@ impl Source<'_> {
         scene.origin = self.origin;
         scene.exposure = self.exposure(sidecar)?;
         scene.is_main = is_main;
-        let (wishes, view) = (sidecar.ties.clone(), sidecar.view);
+        let (wishes, view) = (sidecar.ties.clone(), self.view(sidecar)?);
         Ok(Loaded {
             scene,
             constraints,
@@ -294,6 +294,23 @@ impl Source<'_> {
             staging: None,
             staged_lights: Vec::new(),
         })
+    }
+
+    /// The view that the sidecar names.
+    fn view(&self, sidecar: &Sidecar) -> Result<Option<ViewTransform>, ImportError> {
+        let error = |message: String| self.error("view", message);
+        match &sidecar.view {
+            None => Ok(None),
+            Some(ViewSpec::Own(view)) => Ok(Some(*view)),
+            Some(ViewSpec::Ocio(_)) if self.reach.is_confined() => Err(error(
+                "a configuration of OpenColorIO names further files, which --confine does not follow; name it by --view"
+                    .into(),
+            )),
+            Some(ViewSpec::Ocio(name)) => {
+                let folder = self.sidecar_path.parent().unwrap_or(Path::new(""));
+                ViewTransform::named(name, folder).map_err(|e| error(e.to_string()))
+            }
+        }
     }
 
     fn value_range(&self, sidecar: &Sidecar) -> Result<Option<[f32; 2]>, ImportError> {

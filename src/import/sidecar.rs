@@ -7,13 +7,13 @@ use std::{collections::BTreeMap, fmt, path::Path};
 
 use serde::{
     Deserialize, Deserializer, Serialize,
-    de::{Error, Unexpected, Visitor},
+    de::{Error, IntoDeserializer, Unexpected, Visitor},
 };
 
 use super::{axes::UpAxis, error::ImportError};
 use crate::{
     files::toml_file,
-    math::ViewTransform,
+    math::{ViewTransform, view::OCIO},
     scene::material::Model,
     variables::{FreeKinds, Wishes},
 };
@@ -36,7 +36,7 @@ pub struct Sidecar {
     /// Factor on luminance before display encoding; by default 1, or what the camera's settings make.
     pub exposure: Option<f64>,
     /// View through which pictures are seen; `srgb` by default.
-    pub view: Option<ViewTransform>,
+    pub view: Option<ViewSpec>,
     /// Kinds of variables that may be free; all by default, of which the usual ones are.
     pub free: Option<FreeKinds>,
     /// Crease angle, degrees: edges of an OBJ's meshes without normals that bend by no more are smooth.
@@ -67,6 +67,25 @@ pub struct Sidecar {
     /// Material overrides by the material's name in the scene file.
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialSpec>,
+}
+
+/// `view`: a view transform.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewSpec {
+    /// One of the program's own.
+    Own(ViewTransform),
+    /// One of a configuration of OpenColorIO, by its name; the path is sought from the sidecar's folder.
+    Ocio(String),
+}
+
+impl<'de> Deserialize<'de> for ViewSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        if name.starts_with(OCIO) {
+            return Ok(Self::Ocio(name));
+        }
+        ViewTransform::deserialize(name.into_deserializer()).map(Self::Own)
+    }
 }
 
 /// `[camera]`: a perspective camera. What is not given is that of the scene file's camera.

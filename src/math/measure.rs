@@ -84,7 +84,7 @@ impl Measure {
     #[must_use]
     pub fn chroma(self, rgb: [f32; 3], exposure: f64) -> [f64; 2] {
         let exposed = exposure * DVec3::from_array(rgb.map(f64::from));
-        chroma(self.view.display(exposed).0).map(|(v, _)| v)
+        chroma(self.view.shown(exposed)).map(|(v, _)| v)
     }
 
     /// [What is shown](Self::n_shown) of every pixel of a linear picture, plane by plane.
@@ -102,7 +102,7 @@ impl Measure {
 
     /// Luminance of what the view shows of an exposed colour.
     fn shown(self, exposed: [f64; 3]) -> f64 {
-        DVec3::from_array(LUMINANCE_WEIGHTS).dot(self.view.display(DVec3::from_array(exposed)).0)
+        DVec3::from_array(LUMINANCE_WEIGHTS).dot(self.view.shown(DVec3::from_array(exposed)))
     }
 
     /// Display luminance of a pixel, given by its value in each plane, and its derivatives by them. The

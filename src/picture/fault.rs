@@ -67,6 +67,13 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// A picture for print, of which light is asked: what CMYK shows is the affair of a profile that is a table;
+    /// without it brightness is a guess.
+    pub(super) fn print() -> Self {
+        let what = "its colours are CMYK, for print".into();
+        Self::Unsupported { what, cure: "convert it to sRGB by its profile" }
+    }
+
     /// What cannot be done.
     fn action(&self) -> &'static str {
         match self {

@@ -89,9 +89,7 @@ impl About {
                 let scans = jpeg::Scans::read(source);
                 let is_cmyk = scans.components == 4;
                 if is_cmyk && purpose == Purpose::Light {
-                    // What CMYK shows is the affair of a profile that is a table; without it brightness is a guess.
-                    let what = "its colours are CMYK, for print".into();
-                    return Err(Fault::Unsupported { what, cure: "convert it to sRGB by its profile" });
+                    return Err(Fault::print());
                 }
                 let mut notes = if is_cmyk { vec![Note::Cmyk] } else { Vec::new() };
                 notes.extend(scans.has_gain_map.then_some(Note::GainMap));

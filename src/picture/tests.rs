@@ -200,8 +200,12 @@ fn tiff_samples_of_every_kind_are_read_as_they_are_meant() {
     ];
     assert!(floats.iter().all(|&got| got == [1.5; 3]), "{floats:?}");
     // No ink is white, full black is black.
-    let paper = write(&|t| t.write_image::<colortype::CMYK8>(1, 1, &[0, 255, 0, 0]).unwrap());
-    assert_eq!(paper, [1.0, 0.0, 1.0]);
+    let mut paper = Cursor::new(Vec::new());
+    let mut encoder = TiffEncoder::new(&mut paper).unwrap();
+    encoder.write_image::<colortype::CMYK8>(1, 1, &[0, 255, 0, 0]).unwrap();
+    let texture = Picture::decode(paper.get_ref(), &Reading::of(Purpose::Texture)).unwrap();
+    assert_eq!((texture.over_black(0), texture.notes), ([1.0, 0.0, 1.0], vec![Note::Cmyk]));
+    assert!(refusal(paper.get_ref()).contains("its colours are CMYK, for print"));
     let mut signed = Cursor::new(Vec::new());
     TiffEncoder::new(&mut signed).unwrap().write_image::<colortype::GrayI8>(1, 1, &[5]).unwrap();
     assert!(refusal(signed.get_ref()).contains("signed integers"));

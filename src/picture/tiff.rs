@@ -9,7 +9,7 @@ use tiff::{ColorType, TiffError, TiffUnsupportedError};
 use super::budget::{self, METADATA_BUDGET, PICTURE_BUDGET};
 use super::primaries::Chromaticities;
 use super::raster::Profiled;
-use super::{Alpha, Colour, Fault, Format, Note, Picture, Reading, Samples, Source, Transfer};
+use super::{Alpha, Colour, Fault, Format, Note, Picture, Purpose, Reading, Samples, Source, Transfer};
 
 /// \[TIFF6\] section 20.
 const WHITE_POINT: Tag = Tag::Unknown(318);
@@ -40,6 +40,10 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
     let mut decoder = Decoder::new(source).map_err(|e| refused(&e))?.with_limits(limits);
     find_main_picture(&mut decoder)?;
     let kind = Kind::of(&mut decoder)?;
+    let is_cmyk = matches!(kind.colour, ColorType::CMYK(_) | ColorType::CMYKA(_));
+    if is_cmyk && reading.purpose == Purpose::Light {
+        return Err(Fault::print());
+    }
     let (width, height) = decoder.dimensions().map_err(|e| refused(&e))?;
     let turn = match reading.purpose.is_upright() {
         true => orientation(&mut decoder),
@@ -61,9 +65,9 @@ pub(super) fn read(source: Box<dyn Source + '_>, reading: &Reading) -> Result<Pi
             Some(stated) => colour = stated,
             None => notes.push(Note::ChromaticitiesIgnored),
         }
-        match kind.colour {
-            ColorType::CMYK(_) | ColorType::CMYKA(_) => notes.push(Note::Cmyk),
-            _ => profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok(),
+        match is_cmyk {
+            true => notes.push(Note::Cmyk),
+            false => profile = decoder.get_tag_u8_vec(Tag::IccProfile).ok(),
         }
         if decoder.find_tag(TRANSFER_FUNCTION).ok().flatten().is_some() {
             notes.push(Note::TransferIgnored);

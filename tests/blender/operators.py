@@ -219,8 +219,13 @@ def refusals(program):
     check("no camera", "the scene has no camera" in error_of(bpy.ops.lightopt.check))
     scene = bpy.context.scene
     scene.view_settings.view_transform = "False Color"
-    bpy.ops.lightopt.standard()
+    bpy.ops.lightopt.known_view()
     check("Standard", scene.view_settings.view_transform == "Standard")
+    view = scene.view_settings
+    view.view_transform, view.look = "AgX", "AgX - Punchy"
+    bpy.ops.lightopt.known_view()
+    check("a view that is known is kept", (view.view_transform, view.look) == ("AgX", "None"))
+    view.view_transform = "Standard"
 
 
 def main():

@@ -6,6 +6,7 @@ use lightopt_embree::{
     film::exr::read_exr,
     math::{Measure, ViewTransform},
 };
+use predicates::str::contains;
 use serde_json::Value;
 
 use crate::room::{MTL, OBJ, QUICK, Room, TOML};
@@ -252,4 +253,70 @@ fn locked_lights_keep_their_bits_and_tied_ones_their_ratio() {
     let room = Room::with(OBJ, MTL, &format!("{TOML}[ties]\ntie = [\"fill=key/2\"]\n"));
     let error = room.fail(&run(&["--tie", "fill=key"]));
     assert!(error.contains("tie fill=key and tie fill=key/2"), "{error}");
+}
+
+#[cfg(not(feature = "ocio"))]
+#[test]
+fn views_of_opencolorio_need_the_feature() {
+    let room = Room::new();
+    room.write("studio.ocio", "ocio_profile_version: 2\n");
+    let usage = room.command(&["render", "room.obj", "--view", "ocio:studio.ocio"]).assert().code(2);
+    usage.stderr(contains("--view")).stderr(contains("cargo build --release --features ocio"));
+    let named = Room::with(OBJ, MTL, &format!("view = \"ocio:studio.ocio\"\n{TOML}"));
+    named.write("studio.ocio", "ocio_profile_version: 2\n");
+    let error = named.fail_at_once(&["render", "room.obj"]);
+    assert!(error.contains("room.toml: `view`: view `ocio:studio.ocio`: this program was built"), "{error}");
+}
+
+/// Pictures, records and measures of a run through a studio's view; its configuration stands beside the scene.
+#[cfg(feature = "ocio")]
+#[test]
+fn a_view_of_opencolorio_is_shown_measured_and_recorded() {
+    use std::path::Path;
+
+    let studio = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ocio");
+    let room = Room::with(OBJ, MTL, &format!("view = \"ocio:colours/studio.ocio\"\n{TOML}"));
+    fs::create_dir_all(room.path("colours/luts")).unwrap();
+    for file in ["studio.ocio", "luts/film.spi1d", "luts/print.cube"] {
+        fs::copy(studio.join(file), room.path(&format!("colours/{file}"))).unwrap();
+    }
+    let name = format!("ocio:{}:sRGB:Film", room.path("colours/studio.ocio").display());
+
+    let told = json(&room.succeed(&run(&["--out", "r", "--cache", "bases"])).stdout);
+    let manifest: toml::Value =
+        toml::from_str(&fs::read_to_string(room.path("r/run.toml")).unwrap()).unwrap();
+    assert_eq!(manifest["options"]["view"].as_str(), Some(name.as_str()));
+    let lights: toml::Value =
+        toml::from_str(&fs::read_to_string(room.path("r/lights.toml")).unwrap()).unwrap();
+    assert_eq!(lights["view"].as_str(), Some(name.as_str()));
+    let evaluated = |options: &[&str]| {
+        json(&room.succeed(&[&["evaluate", "r/final.exr", "--json"], options].concat()).stdout)
+    };
+    let again = evaluated(&[]);
+    assert_eq!((&again["view"], &again["f_q"]), (&Value::from(name.as_str()), &told["f_q_final"]));
+    let warm = evaluated(&["--view", "ocio:colours/studio.ocio:sRGB:Film: warm"]);
+    assert!(warm["f_q"] != told["f_q_final"]);
+
+    let view = ViewTransform::named(&name, Path::new("")).unwrap().unwrap();
+    let rgb = read_exr(&room.path("r/final.exr")).unwrap().beauty().unwrap();
+    room.succeed(&["render", "room.obj", "--lights", "r/lights.toml", "--spp", "4", "-o", "a.png"]);
+    room.succeed(&["render", "room.obj", "--lights", "r/lights.toml", "--spp", "4", "-o", "a.exr"]);
+    let png = image::open(room.path("a.png")).unwrap().into_rgb8();
+    let light = read_exr(&room.path("a.exr")).unwrap().beauty().unwrap();
+    for (pixel, &light) in png.pixels().zip(&light) {
+        assert_eq!(pixel.0, view.encode(light, 1.0).map(|code| (255.0 * code).round() as u8));
+    }
+    assert_eq!(rgb.len(), light.len());
+
+    // Another scene is confined to its folder, which a configuration may leave.
+    let error = room.fail_at_once(&["render", "room.obj", "--confine"]);
+    assert!(
+        error.contains("room.toml: `view`: a configuration of OpenColorIO names further files"),
+        "{error}"
+    );
+    let wrong = ["render", "room.obj", "--view", "ocio:colours/studio.ocio:sRGB:Flim"];
+    room.command(&wrong)
+        .assert()
+        .code(2)
+        .stderr(contains("`Flim` is no view of that display; it has Film, Plain"));
 }

@@ -2,7 +2,10 @@
 
 use glam::DMat3;
 
-use super::{MIDDLE_GREY, ViewTransform, agx, filmic, lattice};
+use super::{
+    MIDDLE_GREY, ViewTransform, agx, filmic,
+    lattice::{self, Lattice},
+};
 
 /// Points of [`Tables::curve`]: between them the curves of all views are straight to 2·10⁻⁶ of white.
 const CURVE: usize = 4097;
@@ -28,18 +31,26 @@ impl ViewTransform {
     /// The view as tables; `None` of a view that is a formula of each channel or of all.
     #[must_use]
     pub fn tables(self) -> Option<Tables> {
-        let of_value = |at: fn(f64) -> f64| {
-            let points = (0..CURVE).map(|i| at(i as f64 / (CURVE - 1) as f64));
-            points.collect::<Vec<f64>>()
-        };
-        let (matrix, lattice, curve) = match self {
-            Self::Agx => (agx::to_lattice(), agx::stored(), of_value(agx::light)),
-            Self::Filmic => (DMat3::IDENTITY, filmic::logarithms(), of_value(filmic::light)),
-            Self::Srgb | Self::PbrNeutral | Self::Linear => return None,
-        };
-        let scale = [MIDDLE_GREY, lattice::STOPS_BELOW, lattice::STOPS];
-        Some(Tables { matrix, side: lattice.side(), values: lattice.values().to_vec(), curve, scale })
+        match self {
+            Self::Agx => Some(Tables::new(agx::to_lattice(), agx::stored(), curve_of(agx::light))),
+            Self::Filmic => Some(Tables::new(DMat3::IDENTITY, filmic::logarithms(), curve_of(filmic::light))),
+            Self::Ocio(view) => Some(view.tables()),
+            Self::Srgb | Self::PbrNeutral | Self::Linear => None,
+        }
     }
+}
+
+impl Tables {
+    /// Tables of a lattice whose coordinates are those of [`lattice`].
+    pub(super) fn new(matrix: DMat3, lattice: &Lattice, curve: Vec<f64>) -> Self {
+        let scale = [MIDDLE_GREY, lattice::STOPS_BELOW, lattice::STOPS];
+        Self { matrix, side: lattice.side(), values: lattice.values().to_vec(), curve, scale }
+    }
+}
+
+/// The curve of a function of values in [0, 1].
+pub(super) fn curve_of(at: impl Fn(f64) -> f64) -> Vec<f64> {
+    (0..CURVE).map(|i| at(i as f64 / (CURVE - 1) as f64)).collect()
 }
 
 #[cfg(test)]
