@@ -166,6 +166,8 @@ pub fn front(
 ) -> Result<Vec<FrontPoint>, ObjectiveError> {
     let points = std::iter::once(on.variables.start()).chain(spread(N_POINTS, on.variables.len(), seed));
     let mut known = Known { seen: measured(on, aims, points.collect())?, ends: Vec::new() };
+    // Descents from neighbours that were made already: where those stay, they would end at the same point.
+    let mut made: Vec<(f64, Vec<f64>)> = Vec::new();
     let search = |first: usize, bound: f64| Search { on, aims, first, bound };
     known.descend([0, 1].map(|k| search(k, f64::INFINITY)))?;
     let [low, high] = [known.least(1)[1], known.least(0)[1]];
@@ -188,8 +190,14 @@ pub fn front(
             let near = front[i.saturating_sub(1)..].iter().take(if i == 0 { 2 } else { 3 });
             near.map(|p| p.u.clone()).collect::<Vec<_>>()
         };
-        let all = (0..front.len()).map(|i| (search(0, front[i].values[1]), starts(i)));
-        known.descend_from(all.collect(), NEAR)?;
+        let mut all = Vec::new();
+        for (i, bound) in front.iter().map(|p| p.values[1]).enumerate() {
+            let mut new: Vec<(f64, Vec<f64>)> = starts(i).into_iter().map(|u| (bound, u)).collect();
+            new.retain(|descent| !made.contains(descent));
+            all.push((search(0, bound), new.iter().map(|(_, u)| u.clone()).collect()));
+            made.extend(new);
+        }
+        known.descend_from(all, NEAR)?;
     }
     Ok(thinned(known.not_dominated(), bounds))
 }

@@ -169,7 +169,7 @@ impl OcioView {
         let mut pixels = linear.map(|c| c.as_vec3().extend(1.0).to_array());
         self.transform.apply(&mut pixels);
         // What is no number becomes 0.
-        pixels.map(|[r, g, b, _]| [r, g, b].map(|v| f64::from(v.max(0.0).min(1.0))).into())
+        pixels.map(|[r, g, b, _]| [r, g, b].map(|v| f64::from(if v > 0.0 { v.min(1.0) } else { 0.0 })).into())
     }
 
     /// Code values in [0, 1] of a linear colour.
