@@ -54,6 +54,14 @@ def tint(node, name):
     return ([1.0] * 3, True) if socket.is_linked else ([min(max(c, 0.0), 1.0) for c in color(socket)], False)
 
 
+def as_glass(face, is_image):
+    """What the sidecar says of glass of which each face lets the colour `face` pass.
+
+    The model is that of the glTF, where a surface that is open is a thin sheet. Cycles meets one face of it, and does
+    not divide by the square of the IOR what it sees through that; the colour of the sheet, its base colour, is the face's."""
+    return {"transmitted": face} if is_image else {"transmitted": face, "base_color": face}
+
+
 def principled(node):
     """What the sidecar says of a Principled BSDF beyond its glTF, and what of it is not carried."""
     lost = [words for name, words in UNKNOWN.items() if node.inputs.get(name) is not None
@@ -80,8 +88,7 @@ def principled(node):
         own, is_lost = tint(node, "Base Color")
         if is_lost:
             lost.append("the image that tints its glass")
-        # Each face lets the root of the base colour pass. An open surface too is a face and no sheet, as in Cycles.
-        return {**table, "model": "dielectric", "transmitted": [math.sqrt(c) for c in own]}, lost
+        return {**table, **as_glass([math.sqrt(c) for c in own], is_lost)}, lost
     level = number(node, "Specular IOR Level")
     if ior is not None and level is not None and abs(level - 0.5) > 1e-6:
         # The level scales the reflectance at normal incidence, which another IOR has.
@@ -106,7 +113,7 @@ def described(material):
         "BSDF_DIFFUSE": lambda: {"model": "diffuse"},
         "BSDF_GLOSSY": lambda: {"model": "conductor", "roughness": roughness},
         "BSDF_METALLIC": lambda: {"model": "conductor", "roughness": roughness},
-        "BSDF_GLASS": lambda: {"model": "dielectric", "roughness": roughness, "ior": number(node, "IOR")},
+        "BSDF_GLASS": lambda: {"roughness": roughness, "ior": number(node, "IOR")},
         "EMISSION": lambda: {"model": "diffuse", "base_color": [0.0, 0.0, 0.0]},
     }
     if node.type == "BSDF_PRINCIPLED":
@@ -131,7 +138,7 @@ def described(material):
         lost.append("roughness of the diffuse shader")
     if node.type == "BSDF_GLASS":
         own, is_lost = tint(node, "Color")
-        table.update(reflected=own, transmitted=own)
+        table.update(as_glass(own, is_lost), reflected=own)
         if is_lost:
             lost.append("the image that tints its glass")
     if node.type == "EMISSION" and not any(s.is_linked for s in node.inputs):
@@ -174,6 +181,8 @@ def stand_ins(materials):
                 elif own != "Normal":
                     stand_in.inputs[own].default_value = source.default_value
             stand_in.inputs["Metallic"].default_value = 1.0 if node.type in {"BSDF_GLOSSY", "BSDF_METALLIC"} else 0.0
+            if node.type == "BSDF_GLASS":
+                stand_in.inputs["Transmission Weight"].default_value = 1.0
             tree.links.new(stand_in.outputs[0], out.inputs["Surface"])
         yield
     finally:

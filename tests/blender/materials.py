@@ -84,6 +84,10 @@ MATERIALS = {
                          1.0, 0.015, 0.005),
     "glass_principled_rough": (principled(Base_Color=COPPER, Transmission_Weight=1.0, IOR=1.45, Roughness=0.3),
                                1.0, 0.015, 0.005),
+    # An open surface is a sheet here, both faces at once, whose reflection has no colour; Cycles refracts at the one
+    # face that is there, and tints what a Glass BSDF reflects.
+    "pane": (principled(Base_Color=GREEN, Transmission_Weight=1.0, IOR=1.45, Roughness=0.0), 1.0, 0.02, 0.02),
+    "pane_glass": (shader("BsdfGlass", Color=GREEN, IOR=1.45, Roughness=0.0), 1.04, 0.03, 0.03),
     # Rough glass of Cycles is dark: in a white room of brightness 1 such a ball has 0.981 there, and 0.997 here.
     "glass_frosted": (shader("BsdfGlass", Color=(1.0, 1.0, 1.0), IOR=1.45, Roughness=0.6), 1.03, 0.02, 0.005),
 }
@@ -103,8 +107,12 @@ def main():
         make, expected, ball_tolerance, tolerance = MATERIALS[name]
         scenes.empty("Standard")
         scenes.sweep(scenes.material("paper", (0.6, 0.6, 0.6)), width=4, front=2, back=1.6, height=2.5, radius=0.6)
-        ball = scenes.add("uv_sphere", "ball", (0, 0, 0.52), make(), scale=0.5, segments=64, ring_count=32)
-        bpy.ops.object.shade_smooth()
+        if name.startswith("pane"):
+            ball = scenes.add("plane", "pane", (0, -0.4, 0.6), make(), size=0.8)
+            ball.rotation_euler.x = np.pi / 2
+        else:
+            ball = scenes.add("uv_sphere", "ball", (0, 0, 0.52), make(), scale=0.5, segments=64, ring_count=32)
+            bpy.ops.object.shade_smooth()
         scenes.lamp("AREA", "lamp", (1.0, -1.4, 2.4), shape="SQUARE", size=1.6, energy=60.0)
         world = bpy.context.scene.world = bpy.data.worlds.new("World")
         background = next(n for n in world.node_tree.nodes if n.type == "BACKGROUND")
