@@ -278,7 +278,7 @@ fn a_view_of_opencolorio_is_shown_measured_and_recorded() {
     let room = Room::with(OBJ, MTL, &format!("view = \"ocio:colours/studio.ocio\"\n{TOML}"));
     fs::create_dir_all(room.path("colours/luts")).unwrap();
     for file in ["studio.ocio", "luts/film.spi1d", "luts/print.cube"] {
-        fs::copy(studio.join(file), room.path(&format!("colours/{file}"))).unwrap();
+        fs::copy(studio.join(file), room.path(format!("colours/{file}"))).unwrap();
     }
     let name = format!("ocio:{}:sRGB:Film", room.path("colours/studio.ocio").display());
 
