@@ -117,7 +117,7 @@ pub struct GlassTint {
 }
 
 impl GlassTint {
-    /// Of clear glass.
+    /// Tint of clear glass, which takes nothing away.
     pub const CLEAR: Self = Self { reflected: Rgb::ONE, transmitted: Rgb::ONE };
 
     fn of(&self, is_reflection: bool) -> Rgb {

@@ -18,7 +18,10 @@ use crate::{
     design::{
         Reporter,
         render::Renderer,
-        rig::{self, Survey, chart},
+        rig::{
+            self, Survey,
+            chart::{self, Chart},
+        },
     },
     files::atomic::probe,
     film::exr::write_exr,
@@ -121,8 +124,8 @@ pub fn map(args: &MapArgs) -> anyhow::Result<()> {
     let map = map?;
     match ending.as_str() {
         "csv" => write_whole(&args.output, chart::table(&map)?)?,
-        "exr" => write_exr(&args.output, &chart::numbers(&map))?,
-        _ => write_whole(&args.output, chart::drawing(&map, &args.target)?)?,
+        "exr" => write_exr(&args.output, &Chart::of(&map).numbers())?,
+        _ => write_whole(&args.output, Chart::of(&map).drawing(&args.target)?)?,
     }
     let best = map.spots.iter().min_by(|a, b| a.f_q.total_cmp(&b.f_q));
     let best = best.map_or_else(String::new, |s| {

@@ -318,7 +318,7 @@ fn work(
             loaded = load_any_scene(args.scene(), &LoadOptions { without_lights, ..load }, |_| ())?;
         }
         let view = args.view.of_scene(None, &loaded, |w| console.note(w));
-        let Loaded { mut scene, mut constraints, wishes, staging, staged_lights, .. } = loaded;
+        let Loaded { mut scene, mut constraints, wishes, staging, has_staged_lights, .. } = loaded;
         signals::end_in_order("keeping what is found so far");
         let wishes = args.ties.wishes(&wishes);
         // Staged lights are a guess, which lamps that are sought take the place of unless somebody speaks of them.
@@ -326,8 +326,7 @@ fn work(
             && args.lamps.is_none()
             && args.gradient == Gradient::Basis
             && wishes == Wishes::default()
-            && !staged_lights.is_empty()
-            && staged_lights.len() == scene.lights.len();
+            && has_staged_lights;
         let without_lights = without_lights || places_anew;
         let mut staged = Vec::new();
         if places_anew {

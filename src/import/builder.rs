@@ -83,8 +83,8 @@ pub struct Loaded {
     pub is_of_blender: bool,
     /// Text of the sidecar that was staged for a scene without one.
     pub staging: Option<String>,
-    /// Names of the lights that were staged.
-    pub staged_lights: Vec<String>,
+    /// Whether the scene's lights are those that were staged, and no others.
+    pub has_staged_lights: bool,
 }
 
 /// Loads `path` (see [`find`]) and the sidecar beside it. Without one the scene is staged
@@ -191,9 +191,9 @@ impl Source<'_> {
         let mut loaded = self.build(options, &sidecar, imported)?;
         let (file, beside) = (self.scene_path.display(), self.sidecar_path.display());
         loaded.warnings.push(format!("{file}: {summary}; `stage` writes this as {beside} to edit"));
-        let mut staged_lights: Vec<String> = sidecar.lights.into_iter().map(|light| light.name).collect();
-        staged_lights.retain(|name| loaded.scene.lights.iter().any(|light| light.name == *name));
-        Ok(Loaded { staging: Some(text), staged_lights, ..loaded })
+        let n_staged = sidecar.lights.len();
+        let has_staged_lights = n_staged > 0 && loaded.scene.lights.len() == n_staged;
+        Ok(Loaded { staging: Some(text), has_staged_lights, ..loaded })
     }
 
     /// Stages the scene file, whose `camera` was chosen; `None` where nobody chose.
@@ -292,7 +292,7 @@ impl Source<'_> {
             view,
             is_of_blender,
             staging: None,
-            staged_lights: Vec::new(),
+            has_staged_lights: false,
         })
     }
 

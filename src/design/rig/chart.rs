@@ -49,16 +49,6 @@ pub fn table(map: &Map) -> Result<Vec<u8>, csv::Error> {
     csv_file::encode(std::iter::once(header).chain(map.spots.iter().map(line)))
 }
 
-/// The unrolled map in numbers: f_q with the best lamp in each direction, from the zenith down and from behind
-/// over the left, the camera and the right; not a number where none may stand.
-#[must_use]
-pub fn numbers(map: &Map) -> ExrImage {
-    let (width, height) = GRID;
-    let values = Field::of(map).values;
-    let values = values.into_iter().map(|v| v.map_or(f32::NAN, |[f_q, _]| f_q as f32)).collect();
-    ExrImage { width, height, parts: vec![ExrPart::single("f_q", "Y", values)], lightopt: None }
-}
-
 /// Unit vector at two angles, degrees: +z toward the camera, +x to the right in the picture, +y up.
 fn direction(azimuth: f32, elevation: f32) -> Vec3 {
     set::direction([azimuth, elevation], Vec3::X, Vec3::Z)
@@ -153,51 +143,63 @@ impl Field {
     }
 }
 
-/// The map as a drawing, a PNG: from above, and unrolled.
-///
-/// # Errors
-/// When the font or the canvas fails.
-pub fn drawing(map: &Map, target: &str) -> Result<Vec<u8>, FigureError> {
-    let title = format!("f_q of {target}: {:.3} now; blue where a lamp would lower it", map.f_q);
-    let mut canvas = Canvas::drawn(DRAWING, |area| {
-        text(area, &title, (16, 18), 15, INK, Anchor::Left)?;
-        text(area, "from above; the camera is below", (16, 44), 12, INK, Anchor::Left)?;
-        let words = "unrolled: behind, left, camera, right, behind; zenith above";
-        text(area, words, (340, 44), 12, INK, Anchor::Left)
-    })?;
-    let colours = Colours::of(map);
-    let above = RgbImage::from_fn(ABOVE, ABOVE, |x, y| {
-        let [right, down] = [x, y].map(|v| 2.0 * (v as f32 + 0.5) / ABOVE as f32 - 1.0);
-        let r = (right * right + down * down).sqrt();
-        if r > 1.0 { Rgb([255; 3]) } else { colours.at(right.atan2(down).to_degrees(), 90.0 - 100.0 * r) }
-    });
-    let unrolled = RgbImage::from_fn(UNROLLED.0, UNROLLED.1, |x, y| {
-        let azimuth = (x as f32 + 0.5) / UNROLLED.0 as f32 * 360.0 - 180.0;
-        colours.at(azimuth, 90.0 - (y as f32 + 0.5) / UNROLLED.1 as f32 * 180.0)
-    });
-    canvas.paste(&above, 16, 60);
-    canvas.paste(&unrolled, 340, 60);
-    canvas.png()
-}
-
-/// Colours of a map: how much f_q may fall or rise at most by a lamp.
-struct Colours<'a> {
+/// A map in every direction, as it is shown.
+pub struct Chart<'a> {
     map: &'a Map,
     field: Field,
+    /// How much f_q falls by a lamp, at most.
     gain: f64,
+    /// How much f_q rises by a little light of a lamp, at most.
     harm: f64,
 }
 
-impl<'a> Colours<'a> {
-    fn of(map: &'a Map) -> Self {
+impl<'a> Chart<'a> {
+    /// The chart of a map.
+    #[must_use]
+    pub fn of(map: &'a Map) -> Self {
         let field = Field::of(map);
         let most = |f: &dyn Fn(&[f64; 2]) -> f64| field.values.iter().flatten().map(f).fold(1e-9, f64::max);
         let (gain, harm) = (most(&|v| map.f_q - v[0]), most(&|v| v[1]));
         Self { map, field, gain, harm }
     }
 
+    /// The unrolled map in numbers: f_q with the best lamp in each direction, from the zenith down and from behind
+    /// over the left, the camera and the right; not a number where none may stand.
+    #[must_use]
+    pub fn numbers(&self) -> ExrImage {
+        let (width, height) = GRID;
+        let values = self.field.values.iter().map(|v| v.map_or(f32::NAN, |[f_q, _]| f_q as f32)).collect();
+        ExrImage { width, height, parts: vec![ExrPart::single("f_q", "Y", values)], lightopt: None }
+    }
+
+    /// The map as a drawing, a PNG: from above, and unrolled.
+    ///
+    /// # Errors
+    /// When the font or the canvas fails.
+    pub fn drawing(&self, target: &str) -> Result<Vec<u8>, FigureError> {
+        let title = format!("f_q of {target}: {:.3} now; blue where a lamp would lower it", self.map.f_q);
+        let mut canvas = Canvas::drawn(DRAWING, |area| {
+            text(area, &title, (16, 18), 15, INK, Anchor::Left)?;
+            text(area, "from above; the camera is below", (16, 44), 12, INK, Anchor::Left)?;
+            let words = "unrolled: behind, left, camera, right, behind; zenith above";
+            text(area, words, (340, 44), 12, INK, Anchor::Left)
+        })?;
+        let above = RgbImage::from_fn(ABOVE, ABOVE, |x, y| {
+            let [right, down] = [x, y].map(|v| 2.0 * (v as f32 + 0.5) / ABOVE as f32 - 1.0);
+            let r = (right * right + down * down).sqrt();
+            if r > 1.0 { Rgb([255; 3]) } else { self.color(right.atan2(down).to_degrees(), 90.0 - 100.0 * r) }
+        });
+        let unrolled = RgbImage::from_fn(UNROLLED.0, UNROLLED.1, |x, y| {
+            let azimuth = (x as f32 + 0.5) / UNROLLED.0 as f32 * 360.0 - 180.0;
+            self.color(azimuth, 90.0 - (y as f32 + 0.5) / UNROLLED.1 as f32 * 180.0)
+        });
+        canvas.paste(&above, 16, 60);
+        canvas.paste(&unrolled, 340, 60);
+        canvas.png()
+    }
+
     /// Colour of a direction: black where a light stands.
-    fn at(&self, azimuth: f32, elevation: f32) -> Rgb<u8> {
+    fn color(&self, azimuth: f32, elevation: f32) -> Rgb<u8> {
         let dir = direction(azimuth, elevation);
         let stands =
             |(_, place): &(String, Place)| direction(place.azimuth, place.elevation).dot(dir) > 0.9985;

@@ -33,6 +33,7 @@ use glam::Vec3;
 
 use self::{
     carrier::{Carrier, Commission},
+    chart::Chart,
     choose::{Choice, Chooser},
     plan::Plan,
 };
@@ -512,9 +513,10 @@ impl Rig {
     pub fn write_maps(&self, look: &str, run: &Path) -> Result<(), RunError> {
         for (stem, map) in MAPS.iter().zip(&self.maps) {
             let path = run.join(stem);
-            write_whole(&path.with_extension("png"), chart::drawing(map, look)?)?;
+            let chart = Chart::of(map);
+            write_whole(&path.with_extension("png"), chart.drawing(look)?)?;
             write_whole(&path.with_extension("csv"), chart::table(map)?)?;
-            write_exr(&path.with_extension("exr"), &chart::numbers(map))?;
+            write_exr(&path.with_extension("exr"), &chart.numbers())?;
         }
         Ok(())
     }

@@ -42,11 +42,17 @@ pub(super) struct Plan<'a> {
 
 type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-/// A view of the set: two axes of the drawing, to the right and down, metres.
-struct View<'a, B: DrawingBackend> {
+/// What draws on an area, in pixels of the plan.
+#[derive(Clone, Copy)]
+struct Pen<'a, B: DrawingBackend> {
     area: &'a DrawingArea<B, Shift>,
     /// Pixels of the area for one of the plan.
     enlarged: i32,
+}
+
+/// A view of the set: two axes of the drawing, to the right and down, metres.
+struct View<'a, B: DrawingBackend> {
+    pen: &'a Pen<'a, B>,
     right: Vec3,
     down: Vec3,
     /// Place of the drawing's left edge, pixels.
@@ -55,6 +61,11 @@ struct View<'a, B: DrawingBackend> {
     middle: Vec2,
     /// Pixels per metre.
     scale: f32,
+}
+
+/// A point along two axes, metres.
+fn along(p: Vec3, [right, down]: [Vec3; 2]) -> Vec2 {
+    Vec2::new(p.dot(right), p.dot(down))
 }
 
 impl Plan<'_> {
@@ -98,56 +109,52 @@ impl Plan<'_> {
         let places = lamps.iter().flat_map(|(l, _)| l.moved_from.into_iter().chain([l.lamp.position]));
         let far = places.map(reach).fold(reach(ground.eye), f32::max);
         let scale = 0.5 * VIEW / (1.1 * far).max(f32::MIN_POSITIVE);
+        let pen = Pen { area, enlarged };
         let mut left = MARGIN;
         for (title, right, down) in views {
-            let mut view = View { area, enlarged, right, down, left, middle: Vec2::ZERO, scale };
-            view.middle = view.along(ground.center);
+            let middle = along(ground.center, [right, down]);
+            let view = View { pen: &pen, right, down, left, middle, scale };
             self.draw_view(&view, title)?;
             left += VIEW + MARGIN;
         }
-        let words = View { area, enlarged, right: Vec3::X, down: Vec3::Y, left, middle: Vec2::ZERO, scale };
         for (k, (lamp, description)) in lamps.iter().enumerate() {
             let y = VIEW + 2.0 * MARGIN + LINE * (k as f32 + 0.25);
             let line = format!("{}: {}", lamp.name, in_words(description));
-            words.label(Vec2::new(MARGIN, y), HPos::Left, &line)?;
+            pen.label(Vec2::new(MARGIN, y), HPos::Left, &line)?;
         }
         let from = Vec2::new(MARGIN, VIEW + 2.0 * MARGIN + LINE * (lamps.len() as f32 + 0.5));
         let to = from + Vec2::new(scale, 0.0);
-        words.line(from, to, INK)?;
-        words.label(to + Vec2::new(6.0, 0.0), HPos::Left, "1 m")
+        pen.line(from, to, INK)?;
+        pen.label(to + Vec2::new(6.0, 0.0), HPos::Left, "1 m")
     }
 
     /// Draws one view of the set.
     fn draw_view<B: DrawingBackend>(&self, view: &View<B>, title: &str) -> Drawn<B> {
         let Self { ground, lamps } = self;
+        let pen = view.pen;
         let corner = Vec2::new(view.left, MARGIN);
-        view.frame(corner, corner + VIEW, PALE.stroke_width(view.enlarged as u32))?;
-        view.label(corner + Vec2::new(6.0, 12.0), HPos::Left, title)?;
+        pen.frame(corner, corner + VIEW, PALE.stroke_width(pen.enlarged as u32))?;
+        pen.label(corner + Vec2::new(6.0, 12.0), HPos::Left, title)?;
         for p in ground.surfaces.iter().map(|&p| view.at(p)).filter(|&p| view.holds(p)) {
-            view.disk(p, 1.0, SURFACE.filled())?;
+            pen.disk(p, 1.0, SURFACE.filled())?;
         }
         let middle = view.at(ground.center);
         let radius = ground.radius * view.scale;
-        view.disk(middle, radius, SUBJECT.filled())?;
-        view.disk(middle, radius, INK.stroke_width(view.enlarged as u32))?;
-        view.label(middle, HPos::Center, "subject")?;
+        pen.disk(middle, radius, SUBJECT.filled())?;
+        pen.disk(middle, radius, INK.stroke_width(pen.enlarged as u32))?;
+        pen.label(middle, HPos::Center, "subject")?;
         let eye = view.at(ground.eye);
-        view.line(eye, middle, PALE)?;
-        view.frame(eye - 6.0, eye + 6.0, INK.filled())?;
-        view.label(eye + Vec2::new(0.0, -14.0), HPos::Center, "camera")?;
+        pen.line(eye, middle, PALE)?;
+        pen.frame(eye - 6.0, eye + 6.0, INK.filled())?;
+        pen.label(eye + Vec2::new(0.0, -14.0), HPos::Center, "camera")?;
         lamps.iter().try_for_each(|(lamp, description)| view.lamp(lamp, description))
     }
 }
 
 impl<B: DrawingBackend> View<'_, B> {
-    /// A point along the axes, metres.
-    fn along(&self, p: Vec3) -> Vec2 {
-        Vec2::new(p.dot(self.right), p.dot(self.down))
-    }
-
     /// A point of the set in the drawing, pixels.
     fn at(&self, p: Vec3) -> Vec2 {
-        let to = (self.along(p) - self.middle) * self.scale;
+        let to = (along(p, [self.right, self.down]) - self.middle) * self.scale;
         to + Vec2::new(self.left + 0.5 * VIEW, MARGIN + 0.5 * VIEW)
     }
 
@@ -159,21 +166,24 @@ impl<B: DrawingBackend> View<'_, B> {
 
     /// Draws a lamp to scale, with a line to where it looks, and where it stood before.
     fn lamp(&self, lamp: &PlacedLamp, description: &Description) -> Drawn<B> {
+        let pen = self.pen;
         let Planar { center, frame, .. } = lamp.lamp.planar();
         let [a, b] = description.extent.map(|extent| 0.5 * extent as f32);
         let corners = [(a, b), (-a, b), (-a, -b), (a, -b), (a, b)];
-        let corners = corners.map(|(u, v)| self.pixel(self.at(center + frame.s * u + frame.t * v)));
+        let corners = corners.map(|(u, v)| pen.pixel(self.at(center + frame.s * u + frame.t * v)));
         let (from, to) = (self.at(center), self.at(lamp.lamp.look_at));
         if let Some(before) = lamp.moved_from.map(|p| self.at(p)) {
-            self.line(before, from, PALE)?;
-            self.disk(before, 5.0, PALE.stroke_width(2 * self.enlarged as u32))?;
+            pen.line(before, from, PALE)?;
+            pen.disk(before, 5.0, PALE.stroke_width(2 * pen.enlarged as u32))?;
         }
-        self.line(from, from + (to - from) * 0.4, BEAM)?;
-        self.area.draw(&Polygon::new(corners, LAMP[0].mix(0.6)))?;
-        self.area.draw(&PathElement::new(corners, LAMP[1].stroke_width(2 * self.enlarged as u32)))?;
-        self.label(from + Vec2::new(0.0, -12.0), HPos::Center, &lamp.name)
+        pen.line(from, from + (to - from) * 0.4, BEAM)?;
+        pen.area.draw(&Polygon::new(corners, LAMP[0].mix(0.6)))?;
+        pen.area.draw(&PathElement::new(corners, LAMP[1].stroke_width(2 * pen.enlarged as u32)))?;
+        pen.label(from + Vec2::new(0.0, -12.0), HPos::Center, &lamp.name)
     }
+}
 
+impl<B: DrawingBackend> Pen<'_, B> {
     /// A point of the drawing in the area, pixels.
     fn pixel(&self, p: Vec2) -> (i32, i32) {
         let p = (p * self.enlarged as f32).round();

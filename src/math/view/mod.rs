@@ -1,8 +1,8 @@
 //! View transforms: what stands between linear light and the light of a display.
 //!
 //! A view makes display-linear Rec.709 in [0, 1] of a linear Rec.709 colour that is multiplied by the
-//! exposure. The file of a picture then has `oetf_srgb` of it. Derivatives are exact, but for those of OpenColorIO, which are differences; where a channel is
-//! clipped they are 0, and on an edge between two pieces those of one of them.
+//! exposure. The file of a picture then has `oetf_srgb` of it. Derivatives are exact, but for those of OpenColorIO,
+//! which are differences; where a channel is clipped they are 0, and on an edge between two pieces those of one of them.
 
 mod agx;
 mod filmic;
@@ -11,7 +11,7 @@ mod neutral;
 mod ocio;
 mod tables;
 
-use std::{fmt, path::Path};
+use std::{fmt, path::Path, sync::LazyLock};
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -150,10 +150,10 @@ impl Serialize for ViewTransform {
 /// From its name; the path of a configuration is sought from the present directory.
 impl<'de> Deserialize<'de> for ViewTransform {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        const NAMES: [&str; 5] = ["srgb", "agx", "filmic", "pbr-neutral", "linear"];
+        static NAMES: LazyLock<[&str; 5]> = LazyLock::new(|| ViewTransform::ALL.map(ViewTransform::name));
         let name = String::deserialize(deserializer)?;
         let view = Self::named(&name, Path::new("")).map_err(de::Error::custom)?;
-        view.ok_or_else(|| de::Error::unknown_variant(&name, &NAMES))
+        view.ok_or_else(|| de::Error::unknown_variant(&name, &*NAMES))
     }
 }
 
